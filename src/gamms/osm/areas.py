@@ -40,9 +40,9 @@ def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
     return found
 
 
-def with_areas(ways: OsmRoads, row_of: Mapping[int, int], squares: Squares) -> OsmRoads:
-    """Return the ways with their open areas: multipolygons, and closed ways with `area=yes`."""
-    areas = [[row_of[id] for id in rings if id in row_of] for _, rings in squares.values()]
+def with_areas(ways: OsmRoads, rows_of: Mapping[int, Sequence[int]], squares: Squares) -> OsmRoads:
+    """Return the ways with their open areas: multipolygons, and closed ways with `area=yes`; `rows_of` is by id."""
+    areas = [[*chain.from_iterable(rows_of.get(id, ()) for id in rings)] for _, rings in squares.values()]
     is_alone = ways.refs[ways.offsets[:-1]] == ways.refs[ways.offsets[1:] - 1]
     is_alone[list(chain.from_iterable(areas))] = False
     areas += [[row] for row, tags in enumerate(ways.tags) if tags.get("area") == "yes" and is_alone[row]]
@@ -60,8 +60,7 @@ def with_ways_across(ways: OsmRoads) -> OsmRoads:
         return ways
     refs, met = np.unique(_stretches(ways), return_counts=True)
     junctions = np.setdiff1d(refs[met > 2], [*ways.barriers])
-    row_of = {row: row for row in range(len(ways.tags))}
-    outlines = outlines_of_ways(ways.offsets, ways.lonlat, row_of, [[*rows] for rows in ways.areas], ways.areas)
+    outlines = outlines_of_ways(ways.offsets, ways.lonlat, [sorted({*rows}) for rows in ways.areas], ways.areas)
     ends = list[int]()
     tags = [*ways.tags]
     for rows, shape in zip(ways.areas, repaired(footprints_of(outlines)), strict=True):

@@ -217,9 +217,8 @@ def _records_of_features(
 
 def _streets(roads: OsmRoads) -> footprints.Shapes:
     """Return the roads that are complete in the file."""
-    rows = {way: way for way in range(len(roads.tags))}
-    ways = [[way] for way in rows]
-    return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, ways, roads.tags))
+    rows = [[way] for way in range(len(roads.tags))]
+    return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, roads.tags))
 
 
 def _plane(

@@ -30,6 +30,7 @@ from gamms.osm.geojson import is_geojson
 from gamms.osm.load import Clip, RoadSelection, network_in_metres, part_of, read_network, recipe_of, selection_of
 from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, tolerance_of
 from gamms.osm.network import (
+    OsmRoads,
     OSMType,
     RoadNetwork,
     both_ways,
@@ -382,7 +383,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
     with progress() as show:
         ways = read_ways(as_file(source), show, rule, areas=selection.areas)
-        is_open = {*read_ways(as_file(source), show, selection.rule, areas=selection.areas).ids}
+        is_open = {*_pieces_of_ways(read_ways(as_file(source), show, selection.rule, areas=selection.areas))}
         restrictions = count_turn_restrictions(as_file(source))
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
@@ -392,8 +393,8 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
     inside = known[pieces.sources] & known[pieces.targets]
     of_ways = np.bincount(pieces.ways, weights=metres * inside, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}
-    for osmid, tags, length in zip(ways.ids, ways.tags, of_ways, strict=True):
-        if length > 0.0 and tags["why"] and osmid not in is_open:
+    for piece, tags, length in zip(_pieces_of_ways(ways), ways.tags, of_ways, strict=True):
+        if length > 0.0 and tags["why"] and piece not in is_open:
             found[tags["why"]] = found.get(tags["why"], 0.0) + length
     return {
         "source_length": float(metres.sum()),
@@ -405,6 +406,12 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         ),
         "turn_restrictions": restrictions,
     }
+
+
+def _pieces_of_ways(ways: OsmRoads) -> list[tuple[int, int, int]]:
+    """Return the id of each way, and its first two nodes, which only one of the pieces of a way has."""
+    first = ways.offsets[:-1]
+    return [*zip(ways.ids, ways.refs[first].tolist(), ways.refs[first + 1].tolist(), strict=True)]
 
 
 def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:

@@ -237,24 +237,28 @@ class Outlines:
 
 
 def outlines_of_ways(
-    offsets: IntArray, lonlat: FloatArray, row_of: Mapping[int, int], ways_of: Sequence[list[int]], about: Sequence[Any]
+    offsets: IntArray, lonlat: FloatArray, rows_of: Sequence[Sequence[int]], about: Sequence[Any]
 ) -> Outlines:
     """Return the lines around each footprint, without lines through places that the map lacks.
 
     Args:
         offsets: (ways + 1,) of the vertices of each way.
         lonlat: (vertices, 2) degrees, NaN where the map lacks the node.
-        row_of: way id -> row.
-        ways_of: (footprints,) the ids of the ways around each.
+        rows_of: (footprints,) the rows of the ways around each.
         about: (footprints,) the wall of each, or its tags.
     """
     sizes = np.diff(offsets)
     known = np.concatenate(([0], np.cumsum(np.isfinite(lonlat[:, 0]))))
     is_whole = (np.diff(known[offsets]) == sizes) & (sizes > 1)
-    rows = [[row for id in sorted({*ways} & row_of.keys()) if is_whole[row := row_of[id]]] for ways in ways_of]
+    rows = [[row for row in of_one if is_whole[row]] for of_one in rows_of]
     owners = np.repeat(np.arange(len(rows)), np.array([len(of_one) for of_one in rows], np.int64))
     positions, offsets = kernels.chosen_runs(offsets, np.array(list(chain.from_iterable(rows)), np.int64))
     return Outlines(offsets, lonlat[positions], owners, about)
+
+
+def rows_around(ids: Iterable[int], rows_of: Mapping[int, Sequence[int]]) -> list[int]:
+    """Return the rows of the ways with these ids, each once and in the order of the ids; `rows_of` is by id."""
+    return list(chain.from_iterable(rows_of[id] for id in sorted({*ids} & rows_of.keys())))
 
 
 def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> Outlines:

@@ -17,7 +17,8 @@ from gamms.ir.geometry import NearLines, nearest_on
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
-from gamms.osm.network import OsmRoads, Rule, components, is_against, is_one_way, offsets_of
+from gamms.osm.network import OsmRoads, Rule, components, offsets_of
+from gamms.osm.objects import is_against, is_one_way
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import why_not_plain
 from gamms.progress import Show

@@ -45,6 +45,7 @@ from gamms.osm.modes import (
     tolerance_of,
 )
 from gamms.osm.network import (
+    ONLY_HIGHWAYS,
     OsmRoads,
     OSMType,
     RoadNetwork,
@@ -63,8 +64,8 @@ from gamms.osm.network import (
     segments_of,
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
+from gamms.osm.objects import as_tags
 from gamms.osm.osmium_reader import as_file, read_ways
-from gamms.osm.tags import as_tags
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
 from gamms.text import shown
@@ -209,7 +210,7 @@ def graph_from_file(
             0 merges only vertices at equal positions; None: as the mode says, and 0.5 without one.
         osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
             the tags of a way to its `Access`. It decides the open roads, their directions and the travel times. None
-            takes all roads, with the speed of cars.
+            takes all roads, with the speed of cars. Only ways with a `highway` tag are read.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
         strong: keep the largest part in which every node can be reached from every other; default: only with a mode.
         more: see `FileOptions`.
@@ -511,17 +512,8 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
             )
         )
     segments = segments_of(ways)
-    if not ways.tags or (selection.clip is not None and not len(segments.sources)):
-        whose = f" for the mode {selection.mode!r}" if selection.mode else ""
-        whose += " in the area of clip" if selection.clip is not None else ""
-        raise BadFile(
-            f"{str(file)!r} cannot be used: it has no roads{whose}, that is, no matching ways with a highway tag. "
-            "Export the area with its roads."
-        )
     if not len(segments.sources):
-        raise BadFile(
-            f"{str(file)!r} has roads without their nodes. Export it with all nodes (in Overpass: (._;>;); out;)."
-        )
+        raise BadFile(f"{str(file)!r} {_why_no_roads(ways, selection)}")
     show(f"Projecting {len(segments.lonlat)} nodes")
     if selection.retain_all:
         network = network_of_segments(segments, ways.tags)
@@ -544,6 +536,19 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
     return replace(network, attribution=ways.attribution, nodes=ways.nodes)
+
+
+def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
+    """Return the rest of the error for a file without roads."""
+    whose = f" for the mode {selection.mode!r}" if selection.mode else ""
+    only = f"{ONLY_HIGHWAYS}; graph_from_geojson reads lines of any kind."
+    if selection.clip is not None:
+        west, south, east, north = selection.clip.bounds
+        where = f"between longitudes {west:g} and {east:g} and latitudes {south:g} and {north:g}"
+        return f"has no roads{whose} in the area of clip, {where}. {only}"
+    if ways.tags or ways.without_nodes:
+        return "has roads without their nodes. Export it with all nodes (in Overpass: (._;>;); out;)."
+    return f"has no roads{whose}. {only} Export the area with its roads."
 
 
 def helsinki(

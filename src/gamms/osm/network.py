@@ -14,7 +14,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
 from gamms.osm.footprints import BuildingIndex
-from gamms.osm.tags import NodeTags
+from gamms.osm.objects import NodeTags, is_against, is_one_way
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -35,10 +35,9 @@ KEPT_TAGS = (
     "layer",
     "level",
 )
+ONLY_HIGHWAYS = "Only ways with a highway tag are read, not railways, ferries or waterways"  # for errors
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
-_ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
 UPRIGHT = ("steps", "escalator", "elevator")  # their speed already includes the climb
-_AGAINST = ("-1", "reverse", "T")
 
 
 class OSMType(Enum):
@@ -106,7 +105,8 @@ class OsmRoads:
     nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are not ids of OpenStreetMap
     barriers: Collection[int] = ()  # ids of nodes that no agent can pass
     buildings: BuildingIndex | None = None  # of the map; None: unknown
-    ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, if known
+    ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, if known; equal for the pieces of one way
+    without_nodes: int = 0  # the number of ways that are left out, because they have fewer than two nodes
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -118,16 +118,6 @@ class RoadSegments:
     targets: IntArray  # (segments,)  node rows
     ways: IntArray  # (segments,)  way rows
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
-
-
-def is_against(oneway: object) -> bool:
-    """Return whether the traffic of a one-way road runs against the order of its vertices."""
-    return oneway in _AGAINST
-
-
-def is_one_way(oneway: object, junction: object) -> bool:
-    """Return whether traffic is one-way; without a tag, only in roundabouts."""
-    return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 
 
 Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]

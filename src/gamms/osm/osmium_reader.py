@@ -1,14 +1,19 @@
-"""Read OpenStreetMap files with osmium, in any format and order of their parts; refuse decompression bombs."""
+"""Read OpenStreetMap files with osmium, in any format and order of their parts; refuse decompression bombs.
+
+`objects.py` says which objects of a file count. Before osmium reads a file, one look finds out whether it has objects
+that are deleted or given several times (`survey.py`); only then all its objects are compared.
+"""
 
 import bz2
 import gzip
 import zlib
 from array import array
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from xml.parsers import expat
 
 import numpy as np
 
@@ -28,28 +33,45 @@ from gamms.osm.footprints import (
     is_in_the_way,
     known_parts,
     outlines_of_ways,
+    rows_around,
 )
 from gamms.osm.network import OsmRoads, Rule, Stops, classic_rule
-from gamms.osm.tags import node_keys, node_tags
+from gamms.osm.objects import (
+    Member,
+    ObjectVersions,
+    WayRules,
+    check_members,
+    is_one_way_street,
+    node_keys,
+    node_tags,
+    nodes_at_two_places,
+)
+from gamms.osm.survey import CHUNK, pbf_has_repeats, rewritten_xml, survey_xml, unpacked_size_of_pbf
 from gamms.plugins import needing
 from gamms.progress import Show
 from gamms.text import shown
 
 if TYPE_CHECKING:
-    from osmium import io, osm
+    from osmium import FileProcessor, io, osm
     from shapely import Polygon
 
-_CHUNK = 1 << 20
+_MapObject: TypeAlias = "osm.Node | osm.Way | osm.Relation"
+_NODE = "n"  # osmium's name of the kind
 _MEMORY_PER_XML = 5  # bytes that osmium takes at most for one of XML; map data shrinks 10 to 30 times
 _MEMORY_PER_PBF = 16  # … for one of PBF, where a reference to a node may take one; it shrinks 2 to 5 times
 WAY_OUT = (
     "Give an .osm, .xml, .osm.gz, .osm.bz2 or .osm.pbf file, "
     "such as an export from openstreetmap.org, the Overpass API or Geofabrik."
 )
-_MOST_HEADER = 64 << 10  # bytes, by the format
-_MOST_BLOB = 32 << 20
-_DATA_SIZE = 3  # field numbers in BlobHeader and in Blob
-_RAW_SIZE = 2
+_PACKED = {b"\x1f\x8b": "osm.gz", b"BZh": "osm.bz2"}  # first bytes -> format
+_OTHERS = {  # first bytes -> what the file is, and the way out
+    b"\xff\xe0\x04o5m2": "is in the format o5m. Convert it: osmium cat map.o5m -o map.osm.pbf",
+    b"\xff\xe0\x04o5c2": "holds edits of a map (o5c), not a map. Apply them to their map: osmium apply-changes",
+    b"PK\x03\x04": "is a zip archive. Unpack it",
+    b"\xfd7zXZ\0": "is packed by xz. Unpack it",
+    b"\x28\xb5\x2f\xfd": "is packed by zstd. Unpack it",
+    b"{": "is in JSON. Ask Overpass for XML ([out:xml]), or give a file of GeoJSON to graph_from_geojson",
+}
 
 
 def as_file(path: object) -> Path:
@@ -75,24 +97,26 @@ def file_format(file: Path) -> str:
     """Return the format of a map file by osmium's name, judged by its first bytes.
 
     Raises:
-        BadFile: the file is empty, of another kind, damaged, or expands absurdly.
+        BadFile: the file is empty or of another kind.
+        TooLarge: it expands absurdly.
     """
     with file.open("rb") as stream:
         head = stream.read(64)
-    if not head:
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if not text:
         raise BadFile(f"{str(file)!r} is empty. {WAY_OUT}")
-    if head.startswith(b"\x1f\x8b"):
-        _refuse_bomb(file, gzip.GzipFile)
-        return "osm.gz"
-    if head.startswith(b"BZh"):
-        _refuse_bomb(file, bz2.BZ2File)
-        return "osm.bz2"
     if b"OSMHeader" in head[:32]:
         # osmium unpacks a block to at most its stated size, and refuses more than 32 MiB: the sum of sizes is a bound.
-        allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size(file))
+        allowance_of(file).charge(_MEMORY_PER_PBF * unpacked_size_of_pbf(file))
         return "pbf"
-    if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<"):
+    if text.startswith(b"<"):
         return "osm"
+    for start, name in _PACKED.items():
+        if head.startswith(start):
+            return name
+    for start, reason in _OTHERS.items():
+        if head.startswith(start) or text.startswith(start):
+            raise BadFile(f"{str(file)!r} {reason}. {WAY_OUT}")
     raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {shown(head[:16])}. {WAY_OUT}")
 
 
@@ -101,54 +125,32 @@ def allowance_of(file: Path) -> MemoryBudget:
     return MemoryBudget(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 
-def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
+def _opened(file: Path, format: str) -> IO[bytes]:
+    """Open a file of XML to read its unpacked text."""
+    if format == "osm.gz":
+        return cast("IO[bytes]", gzip.GzipFile(file))
+    if format == "osm.bz2":
+        return bz2.BZ2File(file)
+    return file.open("rb")
+
+
+def _text_of(file: Path, format: str) -> Iterator[bytes]:
+    """Yield the unpacked text of a file in chunks.
+
+    Raises:
+        BadFile: it is damaged, or expands absurdly.
+    """
     allowance = allowance_of(file)
+    cost = 0 if format == "osm" else _MEMORY_PER_XML  # a file that is not packed is as large as it is
     try:
-        with unpack(file) as stream:
-            while chunk := stream.read(_CHUNK):
-                allowance.charge(_MEMORY_PER_XML * len(chunk))
-                if len(chunk) == _CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
-                    raise BadFile(f"{str(file)!r} is damaged: it has a tag of more than {_CHUNK} bytes.")
+        with _opened(file, format) as stream:
+            while chunk := stream.read(CHUNK):
+                allowance.charge(cost * len(chunk))
+                if len(chunk) == CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
+                    raise BadFile(f"{str(file)!r} is damaged: it has a tag of more than {CHUNK} bytes.")
+                yield chunk
     except (EOFError, OSError, zlib.error) as error:
         raise BadFile(f"{str(file)!r} is damaged: {error}. Download it again.") from error
-
-
-def unpacked_size(file: Path) -> int:
-    """Return the unpacked bytes of all blocks. A damaged frame ends the count; its reader reports it."""
-    total = 0
-    with file.open("rb") as stream:
-        while len(start := stream.read(4)) == 4:
-            size = int.from_bytes(start, "big")
-            blob_size = _fields(stream.read(size)).get(_DATA_SIZE, 0) if size <= _MOST_HEADER else _MOST_BLOB + 1
-            if blob_size > _MOST_BLOB:
-                break
-            total += _fields(stream.read(blob_size)).get(_RAW_SIZE, 0)
-    return total
-
-
-def _fields(message: bytes) -> dict[int, int]:
-    """Return the integers in a protobuf message, by field."""
-    found: dict[int, int] = {}
-    at = 0
-    while at < len(message):
-        key, at = _varint(message, at)
-        value, at = _varint(message, at)
-        if key & 7 == 0:
-            found[key >> 3] = value
-        elif key & 7 == 2:
-            at += value
-        else:
-            return found
-    return found
-
-
-def _varint(message: bytes, at: int) -> tuple[int, int]:
-    value = 0
-    for shift, byte in enumerate(message[at : at + 10]):
-        value |= (byte & 127) << (7 * shift)
-        if byte < 128:
-            return value, at + shift + 1
-    return value, len(message)
 
 
 _DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
@@ -157,29 +159,128 @@ _BYTES_PER_POINT = 1_000  # of memory, from the file to the graph
 _MOST_NODES = 2000  # of a way, the limit of OpenStreetMap; far longer outlines take minutes to repair
 _BYTES_PER_CORNER = 100  # of a building of which only the outline is kept
 _SHOW_EVERY = 4096  # ways
+_MOST_ID = 1 << 40  # greater ids are not of OpenStreetMap
+
+
+class MapSource:
+    """A map file for osmium to open, with the objects in it that count.
+
+    Attributes:
+        file: the file.
+        opened: the file, or its text rewritten.
+        has_repeats: whether objects may be deleted or given several times.
+        unclear: ids of nodes that are at two places.
+
+    Raises:
+        BadFile: the file is empty, of another kind, damaged, no map but edits, or incomplete.
+        TooLarge: it expands absurdly.
+        MissingExtra: osmium is not installed.
+    """
+
+    def __init__(self, file: Path) -> None:
+        with needing("Reading OpenStreetMap files", "osm"):
+            import osmium
+        self.file = file
+        format = file_format(file)
+        self.opened: io.File | io.FileBuffer = osmium.io.File(str(file), format)
+        if format == "pbf":
+            self.has_repeats = pbf_has_repeats(file)
+        else:
+            found = survey_xml(_text_of(file, format))
+            self.has_repeats = found.has_repeats
+            if found.is_foreign:
+                self.opened = osmium.io.FileBuffer(_as_osmium_reads(file, format), "osm")
+        self._versions: dict[str, ObjectVersions] = {}
+        self.unclear = frozenset[int]()
+        if self.has_repeats:
+            with _errors_of(file):
+                self._compare()
+
+    def counting(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
+        """Yield the objects that are not deleted, in the version that counts."""
+        for one in cast("Iterator[_MapObject]", iter(objects)):
+            is_last = not self._versions or self._versions[one.type_str()].counts(one.id, one.version)
+            if is_last and not one.deleted:
+                yield one
+
+    def _compare(self) -> None:
+        """Find the versions that count of objects that are deleted or given several times."""
+        from osmium import FileProcessor, osm
+
+        columns: dict[str, tuple[array[int], array[int], array[int]]] = {}
+        x = array("q")
+        y = array("q")
+        every = FileProcessor(self.opened, osm.NODE | osm.WAY | osm.RELATION)
+        for one in cast("Iterator[_MapObject]", iter(every)):
+            ids, versions, deleted = columns.setdefault(one.type_str(), (array("q"), array("q"), array("q")))
+            ids.append(one.id)
+            versions.append(one.version)
+            deleted.append(one.deleted)
+            if one.is_node():
+                place = cast("osm.Node", one).location
+                x.append(place.x)
+                y.append(place.y)
+        for kind, given in columns.items():
+            numbers, versions_of, are_deleted = (np.array(one, np.int64) for one in given)
+            self._versions[kind] = ObjectVersions(numbers, versions_of, are_deleted.astype(np.bool_))
+            if kind == _NODE:
+                rows = self._versions[kind].are_counting(numbers, versions_of)
+                places = np.column_stack((np.array(x, np.int64), np.array(y, np.int64)))
+                self.unclear = nodes_at_two_places(numbers[rows], places[rows])
+
+
+def _as_osmium_reads(file: Path, format: str) -> bytes:
+    """Return the text of a map file as osmium reads it.
+
+    Raises:
+        BadFile: it is no XML, or no complete map.
+        TooLarge: it expands absurdly.
+    """
+    try:
+        return rewritten_xml(_text_of(file, format), allowance_of(file).charge)
+    except GammsError:
+        raise
+    except expat.ExpatError as error:
+        raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
+    except ValueError as error:
+        raise BadFile(f"{str(file)!r} cannot be used: {error}. {WAY_OUT}") from None
 
 
 class _WayVertices:
-    """The vertices of ways while they are being read, each way once.
+    """The vertices of ways while they are being read, each piece of a way once.
 
     Args:
-        allowance: the memory that reading may take.
+        source: the map.
         bytes_per_point: of memory, from the file to the result; None: that of roads.
     """
 
-    def __init__(self, allowance: MemoryBudget, bytes_per_point: int | None = None) -> None:
-        self.allowance = allowance
+    def __init__(self, source: MapSource, bytes_per_point: int | None = None) -> None:
+        self.source = source
+        self.allowance = allowance_of(source.file)
         self.bytes_per_point = bytes_per_point or _BYTES_PER_POINT
         self.offsets = array("q", (0,))
         self.refs = array("q")
         self.x = array("q")
         self.y = array("q")
-        self.row_of: dict[int, int] = {}  # way id -> row
+        self.ids = array("q")
+        self.one_way = array("b")
+        self.rows_of: dict[int, list[int]] = {}  # way id -> rows
+        self.rules = WayRules(self._first, source.unclear)
 
-    def add(self, way: "osm.Way", clip: "_ClippedNodes | None" = None) -> None:
+    def add(self, way: "osm.Way", tags: Mapping[str, str], clip: "_ClippedNodes | None" = None) -> bool:
+        """Add a way with these tags, if it counts by the rules of `objects.py`; return whether it does.
+
+        Raises:
+            ValueError: the way contradicts an earlier one.
+        """
         nodes = list(way.nodes)
         self.allowance.charge(self.bytes_per_point * len(nodes))
         refs = [node.ref for node in nodes]
+        if not self.rules.take(way.id, refs, tags):
+            return False
+        self.rows_of.setdefault(way.id, []).append(len(self.ids))
+        self.one_way.append(is_one_way_street(tags))
+        self.ids.append(way.id)
         self.refs.extend(refs)
         if clip is None:
             places = [node.location for node in nodes]
@@ -189,18 +290,28 @@ class _WayVertices:
             found = [clip.place_of.get(ref, _OUTSIDE) for ref in refs]
             self.x.extend([x for x, _ in found])
             self.y.extend([y for _, y in found])
-        self.row_of[way.id] = len(self.offsets) - 1
         self.offsets.append(len(self.refs))
+        return True
 
-    def complete(self, source: "io.File", report: Callable[[int], None]) -> None:
-        """Find the nodes that osmium itself does not find: nodes after their way, and nodes with negative ids."""
+    def _first(self, id: int) -> tuple[Sequence[int], bool] | None:
+        """Return the nodes of the first way with an id, and whether it is one-way."""
+        if id not in self.rows_of:
+            return None
+        row = self.rows_of[id][0]
+        return self.refs[self.offsets[row] : self.offsets[row + 1]], bool(self.one_way[row])
+
+    def complete(self, report: Callable[[int], None]) -> None:
+        """Find the nodes that osmium itself does not find.
+
+        These are nodes after their way, nodes with negative ids, and all nodes of a file with repeats.
+        """
         from osmium import FileProcessor, osm
 
         missing = {ref for ref, x in zip(self.refs, self.x, strict=True) if x == _NOWHERE}
         if not missing:
             return
         report(len(missing))
-        nodes: Iterator[Any] = iter(FileProcessor(source, osm.NODE))
+        nodes: Iterator[Any] = self.source.counting(FileProcessor(self.source.opened, osm.NODE))
         places = {node.id: (node.location.x, node.location.y) for node in nodes if node.id in missing}
         for position, (ref, x) in enumerate(zip(self.refs, self.x, strict=True)):
             if x == _NOWHERE and ref in places:
@@ -222,21 +333,21 @@ class _ClippedNodes:
     """The nodes of a map file in an area; only these take memory, however large the file is.
 
     Args:
-        source: the file.
+        source: the map.
         region: the polygon, in degrees of longitude and latitude.
 
     Attributes:
         place_of: id of a node -> longitude and latitude in osmium's units.
     """
 
-    def __init__(self, source: "io.File", region: "Polygon") -> None:
+    def __init__(self, source: MapSource, region: "Polygon") -> None:
         from osmium import FileProcessor, osm
 
         west, south, east, north = (round(one * _DEGREE) for one in region.bounds)
         ids = array("q")
         x = array("q")
         y = array("q")
-        for one in FileProcessor(source, osm.NODE):
+        for one in source.counting(FileProcessor(source.opened, osm.NODE)):
             place = cast("osm.Node", one).location
             if west <= place.x <= east and south <= place.y <= north:
                 ids.append(one.id)
@@ -282,14 +393,14 @@ def read_ways(
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source = _source_of(file)
-    lines = _WayVertices(allowance_of(file))
+    source = MapSource(file)
+    lines = _WayVertices(source)
     rule = rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
     marked = dict[int, dict[str, str]]()
     texts = dict[str, str]()
     barriers = set[int]()
-    relations: list[tuple[int, dict[str, str], list[int]]] = []
+    relations = _Relations()
     show(f"Reading {file.name}")
     with _errors_of(file):
         part = None if clip is None else _ClippedNodes(source, clip)
@@ -299,7 +410,7 @@ def read_ways(
                 continue
             given = {tag.k: tag.v for tag in one.tags}
             if one.is_relation():
-                relations.append((one.id, given, _rings(cast("osm.Relation", one))))
+                relations.add(cast("osm.Relation", one), given)
                 continue
             if one.is_node():
                 lines.allowance.charge(_BYTES_PER_POINT)
@@ -307,21 +418,18 @@ def read_ways(
                 barriers.update([one.id] if stops is not None and stops(given) else [])
                 continue
             way = cast("osm.Way", one)
-            found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
-            if found is not None:
-                lines.add(way, part)
+            found = rule(way.id, given)
+            if found is not None and lines.add(way, given, part):
                 kept.append((_shared(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
-        squares = open_squares(relations, rule) if areas else {}
+        squares = open_squares(relations.with_rings(), rule) if areas else {}
         rims = rims_of(squares)
-        missing = rims.keys() - lines.row_of.keys()
-        for way in _ways(source, ids=missing, part=part) if missing else ():
-            if not way.deleted and way.id not in lines.row_of:
-                lines.add(way, part)
-                kept.append((rims[way.id], False))
+        missing = rims.keys() - lines.rows_of.keys()
+        around = _ways(source, ids=missing, part=part) if missing else ()
+        kept += [(rims[way.id], False) for way in around if lines.add(way, {}, part)]
         if part is None:
-            lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
+            lines.complete(lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
     refs = np.array(lines.refs, np.int64)
     offsets = np.array(lines.offsets, np.int64)
     against = np.array([is_against for _, is_against in kept], np.bool_)
@@ -333,10 +441,11 @@ def read_ways(
         [of_way for of_way, _ in kept],
         nodes=node_tags(marked, set(lines.refs), tags),
         barriers=barriers & set(lines.refs),
-        buildings=BuildingIndex(lambda: _read_buildings(file, source, part)) if around_buildings else None,
-        ids=[*lines.row_of],
+        buildings=BuildingIndex(lambda: _read_buildings(source, part)) if around_buildings else None,
+        ids=lines.ids.tolist(),
+        without_nodes=lines.rules.without_nodes,
     )
-    return with_areas(ways, lines.row_of, squares) if areas else ways
+    return with_areas(ways, lines.rows_of, squares) if areas else ways
 
 
 def count_turn_restrictions(file: Path) -> int:
@@ -346,18 +455,37 @@ def count_turn_restrictions(file: Path) -> int:
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source = _source_of(file)
+    source = MapSource(file)
     from osmium import FileProcessor, osm
     from osmium.filter import TagFilter
 
     with _errors_of(file):
-        found = FileProcessor(source, osm.RELATION).with_filter(TagFilter(("type", "restriction")))
-        return sum(not cast("osm.Relation", one).deleted for one in found)
+        found = FileProcessor(source.opened, osm.RELATION).with_filter(TagFilter(("type", "restriction")))
+        return len({one.id for one in source.counting(found)})
 
 
-def _rings(relation: "osm.Relation") -> list[int]:
-    """Return the ids of the ways around a multipolygon."""
-    return [part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES]
+class _Relations:
+    """The relations of a map while they are being read, each once."""
+
+    def __init__(self) -> None:
+        self._tags: dict[int, dict[str, str]] = {}
+        self._members: dict[int, list[Member]] = {}
+
+    def add(self, relation: "osm.Relation", tags: dict[str, str]) -> None:
+        """Add a relation with these tags, unless it is already there.
+
+        Raises:
+            ValueError: the relation contradicts an earlier one.
+        """
+        members = [(one.type, one.ref, one.role) for one in relation.members]
+        check_members(relation.id, members, self._members.setdefault(relation.id, members))
+        self._tags.setdefault(relation.id, tags)
+
+    def with_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
+        """Yield the ids and tags of relations, and the ids of the ways around them."""
+        for id, tags in self._tags.items():
+            rings = [ref for kind, ref, role in self._members[id] if kind == "w" and role in RING_ROLES]
+            yield id, tags, rings
 
 
 def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
@@ -365,9 +493,7 @@ def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
 
-def _roads(
-    source: "io.File", tags: Sequence[str], *, has_places: bool
-) -> "Iterator[osm.Node | osm.Way | osm.Relation]":
+def _roads(source: MapSource, tags: Sequence[str], *, has_places: bool) -> Iterator[_MapObject]:
     """Read the ways and relations with a `highway`, and the nodes with a `highway` or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
@@ -376,21 +502,14 @@ def _roads(
     nodes = KeyFilter(*node_keys(tags))
     ways.enable_for(osm.WAY | osm.RELATION)
     nodes.enable_for(osm.NODE)
-    objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION)
-    objects = objects.with_locations() if has_places else objects  # takes memory for all nodes of the file
-    return cast("Iterator[osm.Node | osm.Way | osm.Relation]", iter(objects.with_filter(ways).with_filter(nodes)))
+    objects = FileProcessor(source.opened, osm.NODE | osm.WAY | osm.RELATION)
+    objects = _with_places(objects, source) if has_places else objects
+    return source.counting(objects.with_filter(ways).with_filter(nodes))
 
 
-def _source_of(file: Path) -> "io.File":
-    """Return a map file for osmium to open.
-
-    Raises:
-        BadFile: the file is empty, of another kind, damaged, or expands absurdly.
-        MissingExtra: osmium is not installed.
-    """
-    with needing("Reading OpenStreetMap files", "osm"):
-        import osmium
-    return osmium.io.File(str(file), file_format(file))
+def _with_places(objects: "FileProcessor", source: MapSource) -> "FileProcessor":
+    """Let osmium give ways the places of their nodes; it does not know which one of several counts."""
+    return objects if source.has_repeats else objects.with_locations()  # takes memory for all nodes of the file
 
 
 @contextmanager
@@ -429,19 +548,18 @@ def read_footprints(file: Path, rules: AreaRules) -> Outlines:
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source = _source_of(file)
-    found = _FootprintReader(rules, _WayVertices(allowance_of(file)))
+    found = _FootprintReader(rules, _WayVertices(MapSource(file)))
     with _errors_of(file):
         if rules.keys:
-            found.read(source)
+            found.read()
     return found.outlines()
 
 
 def read_barriers(file: Path, rules: WallRules) -> Outlines:
     """Read the lines of a map file that `rules` turn into walls, in file order; raises like `read_footprints`."""
     lines, walls = _read_lines(file, ("barrier",) if rules.has_barriers else (), rules.barrier_of, but=rules)
-    ways = [[id] for id in lines.row_of]
-    return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), lines.row_of, ways, walls)
+    rows = [[row] for row in range(len(walls))]
+    return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), rows, walls)
 
 
 def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
@@ -463,18 +581,17 @@ def _read_lines(
     file: Path, keys: Sequence[str], about_of: _AboutOf, but: AreaRules | None = None
 ) -> tuple["_WayVertices", list[object]]:
     """Read the ways that a function accepts, without areas that the rules `but` accept."""
-    source = _source_of(file)
-    lines = _WayVertices(allowance_of(file))
+    source = MapSource(file)
+    lines = _WayVertices(source)
     about: list[object] = []
     with _errors_of(file):
         for way in _ways(source, *keys) if keys else ():
             tags = {tag.k: tag.v for tag in way.tags}
             is_other = but is not None and _is_area(way, tags) and but.wall_of(tags)
-            found = None if way.deleted or way.id in lines.row_of or is_other else about_of(tags)
-            if found is not None:
+            found = None if is_other else about_of(tags)
+            if found is not None and lines.add(way, tags):
                 about.append(found)
-                lines.add(way)
-        lines.complete(source, lambda _: None)
+        lines.complete(lambda _: None)
     return lines, about
 
 
@@ -490,75 +607,76 @@ class _FootprintReader:
         self.part = part
         self.lines = lines
         self.walls: list[object] = []
-        self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
-        self.relations: set[int] = set()
+        self.rows_of: list[list[int]] = []  # of the lines around each footprint
 
-    def read(self, source: "io.File") -> None:
+    def read(self) -> None:
         from osmium import FileProcessor, osm
         from osmium.filter import KeyFilter
 
-        for relation in FileProcessor(source, osm.RELATION).with_filter(KeyFilter(*self.rules.keys)):
-            self._add_relation(cast("osm.Relation", relation))
-        members = set(chain.from_iterable(self.ways_of))
+        source = self.lines.source
+        relations = _Relations()
+        for relation in source.counting(
+            FileProcessor(source.opened, osm.RELATION).with_filter(KeyFilter(*self.rules.keys))
+        ):
+            relations.add(cast("osm.Relation", relation), {tag.k: tag.v for tag in relation.tags})
+        ways_of = self._multipolygons(relations)
+        members = set(chain.from_iterable(ways_of))
+        own = list[int]()
         for way in _ways(source, *self.rules.keys, part=self.part):
-            self._add_way(way)
-        for way in _ways(source, ids=members, part=self.part) if members else ():
-            if not way.deleted and way.id not in self.lines.row_of:
-                self.lines.add(way, self.part)
+            tags = {tag.k: tag.v for tag in way.tags}
+            wall = self.rules.wall_of(tags) if _is_area(way, tags) else None
+            if wall is not None and self.lines.add(way, tags, self.part):
+                self.walls.append(wall)
+                own.append(len(self.lines.ids) - 1)
+        known = self.lines.rows_of.keys()
+        for way in _ways(source, ids=members - known, part=self.part) if members - known else ():
+            self.lines.add(way, {}, self.part)
         if self.part is None:
-            self.lines.complete(source, lambda _: None)
+            self.lines.complete(lambda _: None)
+        self.rows_of = [rows_around(ids, self.lines.rows_of) for ids in ways_of] + [[row] for row in own]
 
-    def _add_relation(self, relation: "osm.Relation") -> None:
-        if relation.deleted or relation.id in self.relations:
-            return
-        self.relations.add(relation.id)
-        tags = {tag.k: tag.v for tag in relation.tags}
-        wall = self.rules.wall_of(tags) if tags.get("type") == "multipolygon" else None
-        if wall is not None:
-            self.walls.append(wall)
-            self.ways_of.append(_rings(relation))
-
-    def _add_way(self, way: "osm.Way") -> None:
-        if way.deleted or way.id in self.lines.row_of:
-            return
-        tags = {tag.k: tag.v for tag in way.tags}
-        wall = self.rules.wall_of(tags) if _is_area(way, tags) else None
-        if wall is not None:
-            self.walls.append(wall)
-            self.ways_of.append([way.id])
-            self.lines.add(way, self.part)
+    def _multipolygons(self, relations: _Relations) -> list[list[int]]:
+        """Add the walls of relations, and return the ids of the ways around each."""
+        ways_of: list[list[int]] = []
+        for _, tags, rings in relations.with_rings():
+            wall = self.rules.wall_of(tags) if tags.get("type") == "multipolygon" else None
+            if wall is not None:
+                self.walls.append(wall)
+                ways_of.append(rings)
+        return ways_of
 
     def outlines(self) -> Outlines:
         offsets = np.array(self.lines.offsets, np.int64)
-        row_of = self.lines.row_of
         # Several relations may share a way.
-        points = sum(
-            int(offsets[row_of[id] + 1] - offsets[row_of[id]])
-            for id in chain.from_iterable(self.ways_of)
-            if id in row_of
-        )
+        points = sum(int(offsets[row + 1] - offsets[row]) for row in chain.from_iterable(self.rows_of))
         self.lines.allowance.charge(self.lines.bytes_per_point * points)
-        return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)
+        return outlines_of_ways(offsets, self.lines.lonlat(), self.rows_of, self.walls)
 
 
 def _ways(
-    source: "io.File", *keys: str, ids: Collection[int] = (), part: _ClippedNodes | None = None
+    source: MapSource, *keys: str, ids: Collection[int] = (), part: _ClippedNodes | None = None
 ) -> "Iterator[osm.Way]":
     """Read the ways with one of these tags, or these ids, in an area."""
     from osmium import FileProcessor, osm
     from osmium.filter import EntityFilter, IdFilter, KeyFilter
 
-    objects = FileProcessor(source, osm.WAY if part is not None else osm.NODE | osm.WAY)
-    objects = objects.with_locations() if part is None else objects  # takes memory for all nodes of the file
-    objects = objects.with_filter(EntityFilter(osm.WAY)).with_filter(KeyFilter(*keys) if keys else IdFilter(ids))
-    return (way for way in cast("Iterable[osm.Way]", objects) if part is None or part.has_part_of(way))
+    objects = FileProcessor(source.opened, osm.WAY if part is not None else osm.NODE | osm.WAY)
+    objects = _with_places(objects, source) if part is None else objects
+    objects = objects.with_filter(EntityFilter(osm.WAY))
+    if keys:
+        objects = objects.with_filter(KeyFilter(*keys))
+    elif min(ids) >= 0 and max(ids) < _MOST_ID:  # osmium's filter takes no others
+        objects = objects.with_filter(IdFilter(ids))
+    for way in cast("Iterator[osm.Way]", source.counting(objects)):
+        if (keys or way.id in ids) and (part is None or part.has_part_of(way)):
+            yield way
 
 
-def _read_buildings(file: Path, source: "io.File", part: _ClippedNodes | None) -> Shapes:
+def _read_buildings(source: MapSource, part: _ClippedNodes | None) -> Shapes:
     """Read the buildings of a map file that block roads, in degrees and in any order."""
-    found = _FootprintReader(_BuildingRules(), _WayVertices(allowance_of(file), _BYTES_PER_CORNER), part)
-    with _errors_of(file):
-        found.read(source)
+    found = _FootprintReader(_BuildingRules(), _WayVertices(source, _BYTES_PER_CORNER), part)
+    with _errors_of(source.file):
+        found.read()
     return footprints_of(found.outlines())
 
 

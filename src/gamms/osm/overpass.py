@@ -6,13 +6,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, groupby, product
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 
-from gamms.errors import BadType, BadValue, PlaceError
+from gamms.errors import BadType, BadValue, NetworkError, PlaceError
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
@@ -22,6 +22,7 @@ from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of, stops_o
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
+    ONLY_HIGHWAYS,
     CoverageGaps,
     OsmRoads,
     OSMType,
@@ -34,9 +35,19 @@ from gamms.osm.network import (
     offsets_of,
     segments_of,
 )
+from gamms.osm.objects import (
+    LEAST_NODES,
+    Member,
+    NodeTags,
+    ObjectVersions,
+    WayRules,
+    check_members,
+    is_one_way_street,
+    node_tags,
+    nodes_at_two_places,
+)
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
-from gamms.osm.tags import NodeTags, node_tags
 from gamms.osm.topology import simplify, without_unused_nodes
 from gamms.progress import Show, progress
 from gamms.text import shown
@@ -50,6 +61,7 @@ _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
 _MOST_CUT = 1 / 3  # share of areas that may lack nodes: where a map was cut, some do; where it is damaged, most do
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
+_Any = TypeVar("_Any", bound="_Element")
 _Query = tuple[list[str], str]  # the kinds of elements with their filters, and the output statement
 
 
@@ -186,8 +198,9 @@ def _streets(
             network = replace(network, left_out=left_out)
             return without_unused_nodes(chosen_roads(network, there.ways))
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
+    only = "" if options.custom_filter else f"{ONLY_HIGHWAYS}; custom_filter='[\"railway\"]' would ask for others. "
     raise PlaceError(
-        f"There are no streets of the type {shown(kind)} in {name}. "
+        f"There are no streets of the type {shown(kind)} in {name}. {only}"
         "Try a larger area, or another osm_type or custom_filter."
     )
 
@@ -221,10 +234,10 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     speeds = options.mode or modes()[options.osm_type.name.lower()]
     squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
     rims = rims_of(squares)
-    row_of = dict[int, int]()
+    rows_of = dict[int, list[int]]()
     read: list[tuple[dict[str, Any], bool]] = []
     lines: list[list[int]] = []
-    for way in found.ways.values():
+    for way in found.ways:
         of_way = rule(way.id, way.tags) if rule is not None and (way.id not in rims or "highway" in way.tags) else None
         if of_way is None and way.id in rims:
             of_way = rims[way.id], False
@@ -233,7 +246,7 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
             if isinstance(speeds, Mode):
                 of_way[0]["speed_kph"] = speeds.speed_kph(way.tags)
         if of_way is not None:
-            row_of[way.id] = len(lines)
+            rows_of.setdefault(way.id, []).append(len(lines))
             read.append(of_way)
             lines.append([ref for ref, _ in groupby(way.nodes)])
     tags = [of_way for of_way, _ in read]
@@ -248,7 +261,7 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     )
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
     ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
-    return ways if rule is None else with_areas(ways, row_of, squares)
+    return ways if rule is None else with_areas(ways, rows_of, squares)
 
 
 def _rings(found: "_OverpassElements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
@@ -262,14 +275,18 @@ def _areas(
     found: "_OverpassElements", wanted: Mapping[str, Collection[str] | None], boundary: "BaseGeometry"
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
-    closed = (way for way in found.ways.values() if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
-    areas = [(way.tags, [way.id]) for way in closed if way.tags.get("area") != "no"]  # tags, and the ways around it
-    areas += [(tags, rings) for _, tags, rings in _rings(found) if tags.get("type") in ("multipolygon", "boundary")]
-    areas = [(tags, rings) for tags, rings in areas if is_asked_for(tags, wanted)]
+    closed = ((row, way) for row, way in enumerate(found.ways) if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
+    areas = [(way.tags, [row]) for row, way in closed if way.tags.get("area") != "no"]  # tags, and the rows around it
+    rows_of = dict[int, list[int]]()
+    for row, way in enumerate(found.ways):
+        rows_of.setdefault(way.id, []).append(row)
+    for _, tags, rings in _rings(found):
+        if tags.get("type") in ("multipolygon", "boundary"):
+            areas.append((tags, footprints.rows_around(rings, rows_of)))
+    areas = [(tags, rows) for tags, rows in areas if is_asked_for(tags, wanted)]
     about = [tags for tags, _ in areas]
-    row_of = {id: row for row, id in enumerate(found.ways)}
-    offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways.values()])
-    outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, [rings for _, rings in areas], about)
+    offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways])
+    outlines = footprints.outlines_of_ways(offsets, lonlat, [rows for _, rows in areas], about)
     shapes = footprints.repaired(footprints.footprints_of(outlines))
     rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
     return [(shapes[row], dict(about[row])) for row in rows if shapes[row].geom_type in _RINGS]
@@ -279,11 +296,10 @@ def _lines(
     found: "_OverpassElements", keys: frozenset[str], wanted: Mapping[str, Collection[str] | None]
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Return the ways with one of these keys that are not in `_areas`, as lines with all their tags."""
-    ways = [one for one in found.ways.values() if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
+    ways = [one for one in found.ways if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in ways])
-    row_of = {way.id: row for row, way in enumerate(ways)}
-    ids = [[way.id] for way in ways]
-    outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, ids, [way.tags for way in ways])
+    rows = [[row] for row in range(len(ways))]
+    outlines = footprints.outlines_of_ways(offsets, lonlat, rows, [way.tags for way in ways])
     shapes = footprints.lines_of(outlines).tolist()
     return [(shape, dict(outlines.about[row])) for shape, row in zip(shapes, outlines.owners.tolist(), strict=True)]
 
@@ -303,14 +319,66 @@ def _download(
     servers: MapServers, area: "BaseGeometry", queries: list[_Query], read: "Callable[[Json], list[_Element]]"
 ) -> "_OverpassElements":
     """Run each query for the whole area."""
-    of_kind: dict[type[_Element], dict[int, Any]] = {kind: {} for kind in _KINDS.values()}
+    found: list[_Element] = []
     for outline in footprints.outlines_of(area, float(setting("max_query_area_size"))):
         corners = " ".join(f"{lat:.6f} {lon:.6f}" for lon, lat in outline.tolist())
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
-            for element in servers.query(f"({union});{output}", read):
-                of_kind[type(element)][element.id] = element
-    return _OverpassElements(*of_kind.values())
+            found += servers.query(f"({union});{output}", read)
+    try:
+        return _counting(found)
+    except ValueError as error:
+        raise NetworkError(f"The answers of the server contradict each other: {error}. Try again later.") from None
+
+
+def _counting(given: "Sequence[_Element]") -> "_OverpassElements":
+    """Return the elements that count, by the rules of `objects.py`; parts of an area may give one several times.
+
+    Raises:
+        ValueError: the elements contradict each other.
+    """
+    nodes = _last_versions([one for one in given if isinstance(one, _Node)])
+    ways = _last_versions([one for one in given if isinstance(one, _Way)])
+    relations = _last_versions([one for one in given if isinstance(one, _Relation)])
+    places = np.array([(one.lon, one.lat) for one in nodes], np.float64).reshape(-1, 2)
+    unclear = nodes_at_two_places(np.array([one.id for one in nodes], np.int64), places)
+    first: dict[int, _Way] = {}
+
+    def first_of(id: int) -> tuple[Sequence[int], bool] | None:
+        return (first[id].nodes, is_one_way_street(first[id].tags)) if id in first else None
+
+    rules = WayRules(first_of, unclear)
+    lines = []
+    described = {way.id for way in ways if way.tags}
+    for way in ways:
+        is_repeat = not way.tags and way.id in described
+        if not is_repeat and rules.take(way.id, way.nodes, way.tags):
+            lines.append(way)
+            first.setdefault(way.id, way)
+    members: dict[int, list[Member]] = {}
+    for one in relations:
+        listed = [(part.type, part.ref, part.role) for part in one.members]
+        check_members(one.id, listed, members.setdefault(one.id, listed))
+    return _OverpassElements(_by_id(nodes), lines, _by_id(relations))
+
+
+def _last_versions(elements: list[_Any]) -> list[_Any]:
+    """Return the elements of one kind that are not deleted, in the version that counts."""
+    ids = np.array([one.id for one in elements], np.int64)
+    versions = np.array([one.version for one in elements], np.int64)
+    deleted = np.array([not one.visible for one in elements], np.bool_)
+    rows = np.flatnonzero(ObjectVersions(ids, versions, deleted).are_counting(ids, versions))
+    return [elements[row] for row in rows.tolist()]
+
+
+def _by_id(elements: list[_Any]) -> dict[int, _Any]:
+    """Return elements of one kind by their ids; of equal ones, the first that has tags."""
+    found: dict[int, _Any] = {}
+    for one in elements:
+        if one.tags and not found.setdefault(one.id, one).tags:
+            found[one.id] = one
+        found.setdefault(one.id, one)
+    return found
 
 
 def _filter_of(osm_type: OSMType) -> str:
@@ -375,6 +443,8 @@ class _Place(msgspec.Struct):
 class _Element(msgspec.Struct):
     id: int
     tags: dict[str, str] = {}
+    version: int = 0
+    visible: bool = True
 
 
 class _Node(_Element, kw_only=True):
@@ -397,10 +467,10 @@ class _Relation(_Element, kw_only=True):
 
 
 class _OverpassElements(NamedTuple):
-    """The elements in Overpass's answers, each once, by id."""
+    """The elements in Overpass's answers that count."""
 
     nodes: dict[int, _Node]
-    ways: dict[int, _Way]
+    ways: list[_Way]  # the pieces of one way have equal ids
     relations: dict[int, _Relation]
 
 
@@ -440,7 +510,7 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
         raise ValueError(f"it is incomplete; the server reports {str(given['remark'])[:200]!r}")
     elements = [element for one in listed if (element := _element(one)) is not None]
     nodes = {element.id for element in elements if isinstance(element, _Node)}
-    ways = [element for element in elements if isinstance(element, _Way)]
+    ways = [one for one in elements if isinstance(one, _Way) and len(one.nodes) >= LEAST_NODES]
     cut = [way.id for way in ways if not nodes.issuperset(way.nodes)]
     if len(cut) > most_cut * len(ways):
         raise ValueError(f"it lacks nodes of {len(cut)} of its {len(ways)} ways, such as {cut[0]}")

@@ -16,8 +16,8 @@ from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_mode, recipe_of
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
+from gamms.osm.objects import as_tags
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
-from gamms.osm.tags import as_tags
 from gamms.osm.topology import consolidate
 from gamms.progress import progress
 from gamms.text import shown

@@ -1,0 +1,238 @@
+"""The objects of a map: which of them count, and which of their tags are kept.
+
+The readers of files and of servers' answers both follow them, for nodes, ways and relations:
+
+- Of several versions of an object, the highest counts. An object that is deleted in it is not there.
+- A way with fewer than two nodes is no line and is left out.
+- An object that is given again with the same content counts once. A way that is given again with other nodes is a
+  further piece of the way, if it shares no stretch with the first.
+- Anything else contradicts itself: a node at two places, or one way or relation in two forms.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_items
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+LEAST_NODES = 2  # of a way
+_NO_VERSION = -1  # of an object that is deleted
+_ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
+_AGAINST = ("-1", "reverse", "T")
+_KEEP_ONE = "Keep the one that is right"
+
+
+class ObjectIds:
+    """The ids of all objects of a map, to tell whether it gives one several times."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, list[IntArray]] = {}
+
+    def add(self, kind: str, ids: IntArray) -> None:
+        """Add ids of one kind of object, in the order of the map."""
+        self._parts.setdefault(kind, []).append(ids)
+
+    def has_repeats(self) -> bool:
+        """Return whether an id is there several times for one kind of object."""
+        return any(_has_repeats(np.concatenate(parts)) for parts in self._parts.values())
+
+
+def _has_repeats(ids: IntArray) -> bool:
+    if (np.diff(ids) > 0).all():  # the usual order of files
+        return False
+    return bool((np.diff(np.sort(ids)) == 0).any())
+
+
+class ObjectVersions:
+    """The versions that count, of objects of one kind that are deleted or given several times.
+
+    Args:
+        ids: (objects,) the id of each object of the map, in its order.
+        versions: (objects,) 0 where the map does not say.
+        deleted: (objects,) whether this version says that the object is deleted.
+    """
+
+    def __init__(self, ids: IntArray, versions: IntArray, deleted: BoolArray) -> None:
+        order = np.lexsort((deleted, versions, ids))  # the last row of each id decides
+        last = np.append(ids[order][1:] != ids[order][:-1], True)[: len(ids)]
+        first = np.append(True, last[:-1])[: len(ids)]
+        is_special = (~(first & last) | deleted[order])[last]
+        rows = order[last][is_special]
+        counting = np.where(deleted[rows], _NO_VERSION, versions[rows])
+        self._counting = dict(zip(ids[rows].tolist(), counting.tolist(), strict=True))
+
+    def counts(self, id: int, version: int) -> bool:
+        """Return whether an object with this id and version counts."""
+        counting: int = self._counting.get(id, version)
+        return counting == version
+
+    def are_counting(self, ids: IntArray, versions: IntArray) -> BoolArray:
+        """Return a mask of the objects that count."""
+        found = map(self.counts, ids.tolist(), versions.tolist())
+        return np.fromiter(found, np.bool_, len(ids))
+
+
+def nodes_at_two_places(ids: IntArray, places: IntArray | FloatArray) -> frozenset[int]:
+    """Return the ids of nodes that are given at different places.
+
+    Args:
+        ids: (nodes,) of the nodes that count.
+        places: (nodes, 2)
+    """
+    order = np.argsort(ids, kind="stable")
+    again = ids[order][1:] == ids[order][:-1]
+    moved = (places[order][1:] != places[order][:-1]).any(axis=1)
+    return frozenset(ids[order][1:][again & moved].tolist())
+
+
+class WayRules:
+    """The rules for ways, applied to one after the other.
+
+    Args:
+        first: returns the nodes of the way with an id that was taken first and whether it is one-way, or None.
+        unclear: ids of nodes that are at two places.
+
+    Attributes:
+        without_nodes: the number of ways that were left out, because they have fewer than two nodes.
+    """
+
+    def __init__(self, first: Callable[[int], tuple[Sequence[int], bool] | None], unclear: frozenset[int]) -> None:
+        self.without_nodes = 0
+        self._first = first
+        self._unclear = unclear
+        self._pieces: dict[int, _WayPieces] = {}
+
+    def take(self, id: int, refs: Sequence[int], tags: Mapping[str, str]) -> bool:
+        """Return whether a way with these nodes counts; False: it is no line, or already there.
+
+        Raises:
+            ValueError: the way contradicts an earlier one, or it is unclear where it is.
+        """
+        if len(refs) < LEAST_NODES:
+            self.without_nodes += 1
+            return False
+        if self._unclear and (found := sorted(self._unclear.intersection(refs))):
+            raise ValueError(f"node {found[0]} is there several times in one version, at different places. {_KEEP_ONE}")
+        first = self._first(id)
+        if first is None:
+            return True
+        if id not in self._pieces:
+            self._pieces[id] = _WayPieces()
+            self._pieces[id].add(first[0], one_way=first[1])
+        is_new = self._pieces[id].add(refs, one_way=is_one_way_street(tags))
+        if is_new is None:
+            raise ValueError(f"way {id} is there several times in one version, with different nodes. {_KEEP_ONE}")
+        return is_new
+
+
+def is_one_way_street(tags: Mapping[str, str]) -> bool:
+    """Return whether traffic on a way with these tags is one-way."""
+    return is_one_way(tags.get("oneway"), tags.get("junction"))
+
+
+class _WayPieces:
+    """The pieces of a way that is given several times in one version, each by its nodes."""
+
+    def __init__(self) -> None:
+        self._lines: set[tuple[int, ...]] = set()
+        self._stretches: set[tuple[int, int]] = set()
+
+    def add(self, refs: Sequence[int], *, one_way: bool) -> bool | None:
+        """Return whether a piece is new, also backward unless it is one-way; None: it overlaps another piece."""
+        directions = [(*refs,)]
+        if not one_way:
+            directions.append(directions[0][::-1])
+        if not self._lines.isdisjoint(directions):
+            return False
+        stretches = {pair for line in directions for pair in pairwise(line)}
+        if not self._stretches.isdisjoint(stretches):
+            return None
+        self._lines.update(directions)
+        self._stretches |= stretches
+        return True
+
+
+Member = tuple[str, int, str]
+"""A member of a relation: its kind, id and role."""
+
+
+def check_members(id: int, members: Sequence[Member], known: Sequence[Member]) -> None:
+    """Check a relation that is given again.
+
+    Raises:
+        ValueError: it has other members than before.
+    """
+    if [*members] != [*known]:
+        raise ValueError(f"relation {id} is there several times in one version, with different members. {_KEEP_ONE}")
+
+
+# -- tags -------------------------------------------------------------------------------------------------------
+
+
+def is_against(oneway: object) -> bool:
+    """Return whether the traffic of a one-way road runs against the order of its vertices."""
+    return oneway in _AGAINST
+
+
+def is_one_way(oneway: object, junction: object) -> bool:
+    """Return whether traffic is one-way; without a tag, only in roundabouts."""
+    return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
+
+
+OWN_NAMES = frozenset(  # attributes that are not tags
+    ("id", "osmid", "x", "y", "z", "linestring", "geometry", "length", "grade", "speed_kph", "travel_time", "reversed")
+)
+_MOST_TAGS = 256
+_LONGEST_TAG = 255
+
+
+class NodeTags(NamedTuple):
+    """The tags of a map's nodes, by their OpenStreetMap ids."""
+
+    of: Mapping[int, Mapping[str, str]] = MappingProxyType({})
+    staying: frozenset[int] = frozenset()  # nodes that remain nodes even if they merely continue a road
+
+
+def as_tags(tags: object) -> tuple[str, ...]:
+    """Return the checked names of tags that a caller wants to keep.
+
+    Raises:
+        BadType: they are not a list of texts.
+        BadValue: they are too many, or one has the name of an attribute of GAMMS.
+    """
+    names = tuple(as_items(tags, "tags", "names of tags"))
+    for name in names:
+        if not isinstance(name, str):
+            raise BadType(f"tags must be a list of names of tags, such as ['surface'], not of {shown(name)}.")
+        if name in OWN_NAMES or not 0 < len(name) <= _LONGEST_TAG:
+            raise BadValue(
+                f"tags contains {shown(name)}, which is not a valid tag, or is reserved for an attribute of GAMMS."
+            )
+    if len(names) > _MOST_TAGS:
+        raise BadValue(f"tags has {len(names)} names; the limit is {_MOST_TAGS}.")
+    return names
+
+
+def node_keys(tags: Sequence[str]) -> tuple[str, ...]:
+    """Return the keys of node tags to keep if these tags are requested."""
+    return ("highway", *(name for name in tags if name != "highway"))
+
+
+def node_tags(given: Mapping[int, Mapping[str, str]], refs: set[int], tags: Sequence[str]) -> NodeTags:
+    """Return the kept tags of nodes, by their ids, if these tags are requested.
+
+    Args:
+        given: id -> all tags.
+        refs: the ids of nodes on roads.
+        tags: the requested tags.
+    """
+    keys = node_keys(tags)
+    of = {ref: {name: given[ref][name] for name in keys if name in given[ref]} for ref in given.keys() & refs}
+    return NodeTags(of, frozenset(ref for ref, kept in of.items() if any(name in kept for name in tags)))

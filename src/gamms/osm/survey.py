@@ -1,0 +1,377 @@
+"""Look through a map file before osmium reads it: whether objects are there several times, and dialects of XML.
+
+The blocks of PBF are unpacked here, and XML is searched as text; neither is checked, because osmium does that. Editors
+mark objects as deleted in a way of their own, and Overpass adds elements: such XML is rewritten. Files of edits instead
+of a map, and answers that a server broke off, are refused.
+"""
+
+import re
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from gamms.ir.graph import IntArray
+from gamms.osm.objects import ObjectIds
+from gamms.text import shown
+
+CHUNK = 1 << 20  # bytes; no tag is longer
+VERSION = "0.6"
+_OBJECTS = ("node", "way", "relation")
+_PARTS = ("nd", "tag", "member")  # of objects
+_EDITS = ("osmChange", "create", "modify", "delete", "action")  # elements of files that hold edits
+_ATTRIBUTES = ("id", "version", "visible", "lat", "lon")  # of objects, that matter to a map
+_BYTES_PER_PLACE = 400  # of memory
+_MOST_TEXT = 200  # characters of a server's remark in an error
+_FOREIGN_AT_FIRST = re.compile(rb"<(?!(?:osm|bounds|note|meta)[\s/>])[A-Za-z]")
+_FOREIGN = re.compile(rb"<(?!(?:node|way|relation|nd|tag|member)[\s/>])[A-Za-z]")
+_OBJECT = re.compile(rb"<(?:node|way|relation)[\s/>]")
+_ROOT = re.compile(rb"<osm(?=[\s>])[^<>]*>")
+_KNOWN_ROOT = re.compile(rb"\sversion\s*=\s*[\"']0\.6[\"']")
+_DELETED = re.compile(rb"\s(?:(action)\s*=\s*[\"']delete|visible\s*=\s*[\"']false)")
+_IDS = {kind: re.compile(rb"<%b\s[^<>]*?\bid\s*=\s*[\"'](-?\d{1,18})[\"']" % kind.encode()) for kind in _OBJECTS}
+
+
+class XmlSurvey(NamedTuple):
+    """The peculiarities of a file.
+
+    Attributes:
+        is_foreign: osmium would refuse or misunderstand it; `rewritten_xml` does not.
+        has_repeats: it may have objects that are deleted or given several times.
+    """
+
+    is_foreign: bool
+    has_repeats: bool
+
+
+def survey_xml(chunks: Iterable[bytes]) -> XmlSurvey:
+    """Look through the text of a file once. Text that only looks peculiar, such as in a comment, counts, too."""
+    ids = ObjectIds()
+    is_foreign = False
+    is_special = False
+    root: bytes | None = None
+    is_in_head = True
+    for chunk in _whole_tags(chunks):
+        if root is None and (found := _ROOT.search(chunk)):
+            root = found[0]
+            is_foreign = is_foreign or not _KNOWN_ROOT.search(root)
+        if b"delete" in chunk or b"false" in chunk:
+            marks = {one[1] for one in _DELETED.finditer(chunk)}
+            is_special = is_special or bool(marks)
+            is_foreign = is_foreign or b"action" in marks
+        head = 0
+        if is_in_head:
+            found = _OBJECT.search(chunk)
+            head = found.start() if found else len(chunk)
+            is_in_head = found is None
+        has_others = _FOREIGN_AT_FIRST.search(chunk, 0, head) or _FOREIGN.search(chunk, head)
+        places = chunk.count(b" lat=") - chunk.count(b"<node")
+        is_foreign = is_foreign or places > 0 or has_others is not None
+        for kind, pattern in _IDS.items():
+            numbers = pattern.findall(chunk)
+            is_special = is_special or len(numbers) != chunk.count(b"<" + kind.encode())
+            ids.add(kind, np.array([*map(int, numbers)], np.int64))
+    return XmlSurvey(is_foreign, is_special or ids.has_repeats())
+
+
+def _whole_tags(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the text of a file in chunks that end between tags."""
+    rest = b""
+    for chunk in chunks:
+        text = rest + chunk
+        cut = text.rfind(b"<")
+        is_whole = cut < 0 or b">" in text[cut:]
+        cut = len(text) if is_whole else cut
+        rest = text[cut:]
+        yield text[:cut]
+    yield rest
+
+
+def rewritten_xml(chunks: Iterable[bytes], charge: Callable[[int], None]) -> bytes:
+    """Return the map in a file as osmium reads it.
+
+    Objects that an editor has deleted are marked as OpenStreetMap marks them. A node whose place is given only in its
+    ways becomes a node of the map. Elements that are no part of a map are left out.
+
+    Args:
+        chunks: the text.
+        charge: counts the bytes of memory.
+
+    Raises:
+        ValueError: the file holds edits, is incomplete, or of another version.
+        expat.ExpatError: it is no XML.
+    """
+    rewriter = _Rewriter(charge)
+    for chunk in chunks:
+        rewriter.parser.Parse(chunk, False)
+    rewriter.parser.Parse(b"", True)
+    return rewriter.text()
+
+
+class _Rewriter:
+    """Writes a map while a parser reads it.
+
+    Args:
+        charge: counts the bytes of memory.
+    """
+
+    def __init__(self, charge: Callable[[int], None]) -> None:
+        self._charge = charge
+        self._out: list[str] = [f'<osm version="{VERSION}">']
+        self._path: list[str] = []  # names of the open elements
+        self._remark = ""
+        self._nodes: set[str] = set()
+        self._placed: dict[str, tuple[str, str]] = {}  # id of a node -> latitude and longitude
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._read_text
+        self.parser.EntityDeclHandler = _refuse_entity
+
+    def text(self) -> bytes:
+        """Return the whole map."""
+        for ref, (lat, lon) in self._placed.items():
+            if ref not in self._nodes:
+                self._write(_tag("node", {"id": ref, "lat": lat, "lon": lon}) + "</node>")
+        return "".join([*self._out, "</osm>"]).encode()
+
+    def _write(self, text: str) -> None:
+        self._charge(2 * len(text))
+        self._out.append(text)
+
+    def _start(self, name: str, given: dict[str, str]) -> None:
+        depth = len(self._path)
+        self._path.append(name)
+        if depth == 0:
+            _check_root(name, given)
+        elif depth == 1:
+            self._start_object(name, given)
+        elif depth == 2 and name in _PARTS and self._path[1] in _OBJECTS:
+            self._write_part(name, given)
+
+    def _start_object(self, name: str, given: dict[str, str]) -> None:
+        if name in _EDITS:
+            raise ValueError(_edits(name))
+        if name not in _OBJECTS:
+            return
+        kept = {key: given[key] for key in _ATTRIBUTES if key in given}
+        if given.get("action") == "delete":
+            kept["visible"] = "false"
+        if name == "node":
+            self._nodes.add(given.get("id", ""))
+        self._write(_tag(name, kept))
+
+    def _write_part(self, name: str, given: dict[str, str]) -> None:
+        if name == "nd" and "ref" in given and "lat" in given and "lon" in given:
+            self._charge(2 * len(given["ref"]) + _BYTES_PER_PLACE)
+            self._placed.setdefault(given["ref"], (given["lat"], given["lon"]))
+            given = {"ref": given["ref"]}
+        self._write(_tag(name, given) + f"</{name}>")
+
+    def _read_text(self, text: str) -> None:
+        if self._path[1:2] == ["remark"]:
+            self._remark += text[: _MOST_TEXT - len(self._remark)]
+
+    def _end(self, name: str) -> None:
+        self._path.pop()
+        if len(self._path) == 1 and name in _OBJECTS:
+            self._write(f"</{name}>")
+        elif len(self._path) == 1 and name == "remark":
+            raise ValueError(incomplete(self._remark))
+
+
+def incomplete(remark: str) -> str:
+    """Return the error for an answer that a server broke off, with its remark."""
+    return (
+        f"it is incomplete; the server reports {remark.strip()[:_MOST_TEXT]!r}. Ask for a smaller area, or with more "
+        "time and memory ([timeout:600][maxsize:2000000000])"
+    )
+
+
+def _check_root(name: str, given: dict[str, str]) -> None:
+    """Check the outermost element of a file.
+
+    Raises:
+        ValueError: it is not that of a map.
+    """
+    if name in _EDITS:
+        raise ValueError(_edits(name))
+    if name != "osm":
+        raise ValueError(f"it begins with the element <{name:.40}>, and maps with <osm>")
+    version = given.get("version")
+    if version != VERSION:
+        said = "no version" if version is None else f"version={shown(version)}"
+        raise ValueError(
+            f'its first element, <osm>, has {said}. Change it to <osm version="{VERSION}"> in a text editor'
+        )
+
+
+def _edits(name: str) -> str:
+    return (
+        f"it holds edits of a map (<{name}>), not a map. Apply them to their map: "
+        "osmium apply-changes map.osm.pbf changes.osc -o new.osm.pbf"
+    )
+
+
+def _refuse_entity(*_: object) -> None:
+    raise ValueError("it declares entities, which maps do not need")
+
+
+def _tag(name: str, attributes: dict[str, str]) -> str:
+    """Return the start tag of an element."""
+    return "".join([f"<{name}", *(f" {key}={quoteattr(text)}" for key, text in attributes.items()), ">"])
+
+
+# -- PBF: https://wiki.openstreetmap.org/wiki/PBF_Format ---------------------------------------------------------
+
+_MOST_HEADER = 64 << 10  # bytes, by the format
+_MOST_BLOB = 32 << 20
+_TYPE = 1  # field numbers: of BlobHeader
+_DATA_SIZE = 3
+_RAW = 1  # of Blob
+_RAW_SIZE = 2
+_ZLIB = 3
+_GROUP = 2  # of PrimitiveBlock
+_NODE = 1  # of PrimitiveGroup
+_DENSE = 2
+_WAY = 3
+_RELATION = 4
+_ID = 1  # of objects
+_KINDS = {_NODE: "node", _DENSE: "node", _WAY: "way", _RELATION: "relation"}
+_BITS = 7  # of a number in each byte
+_MOST_SHIFT = 63
+
+
+class _Blob(NamedTuple):
+    type: bytes
+    content: bytes
+
+
+def unpacked_size_of_pbf(file: Path) -> int:
+    """Return the unpacked bytes of all blocks."""
+    return sum(_number(blob.content, _RAW_SIZE) for blob in _blobs(file))
+
+
+def pbf_has_repeats(file: Path) -> bool:
+    """Return whether an object is there several times; also True if this cannot be known."""
+    ids = ObjectIds()
+    try:
+        for blob in _blobs(file):
+            if blob.type == b"OSMData":
+                for kind, some in _ids_in(_unpacked(blob.content)):
+                    ids.add(kind, some)
+    except (ValueError, IndexError, OverflowError, zlib.error):
+        return True
+    return ids.has_repeats()
+
+
+def _blobs(file: Path) -> Iterator[_Blob]:
+    with file.open("rb") as stream:
+        while len(start := stream.read(4)) == 4:
+            size = int.from_bytes(start, "big")
+            header = stream.read(size) if size <= _MOST_HEADER else b""
+            blob_size = _number(header, _DATA_SIZE)
+            if not header or blob_size > _MOST_BLOB:
+                return
+            yield _Blob(_bytes(header, _TYPE), stream.read(blob_size))
+
+
+def _unpacked(blob: bytes) -> bytes:
+    """Return the content of a block.
+
+    Raises:
+        ValueError: it is packed in another way than zlib.
+        zlib.error: it is damaged.
+    """
+    packed = _bytes(blob, _ZLIB)
+    if packed:
+        return zlib.decompressobj().decompress(packed, _MOST_BLOB)
+    raw = _bytes(blob, _RAW)
+    if not raw:
+        raise ValueError("an unknown compression")
+    return raw
+
+
+def _ids_in(block: bytes) -> Iterator[tuple[str, IntArray]]:
+    for group in (part for field, part in _parts(block) if field == _GROUP):
+        single: dict[str, list[int]] = {}
+        for field, part in _parts(group):
+            if field == _DENSE:
+                yield _KINDS[field], np.cumsum(_signed(_varints(_bytes(part, _ID))))
+            elif field in _KINDS:
+                single.setdefault(_KINDS[field], []).append(next(_numbers(part, _ID), 0))
+        for kind, numbers in single.items():
+            ids = np.array(numbers, np.uint64).astype(np.int64)
+            yield kind, _signed(ids) if kind == "node" else ids
+
+
+def _varints(data: bytes) -> IntArray:
+    """Return the unsigned numbers in a packed field."""
+    given = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(given < 1 << _BITS)
+    starts = np.append(0, ends[:-1] + 1)[: len(ends)]
+    sizes = ends - starts + 1
+    values = np.zeros(len(ends), np.int64)
+    for place in range(sizes.max(initial=0)):
+        there = np.flatnonzero(sizes > place)
+        digits = given[starts[there] + place].astype(np.int64) & 127
+        values[there] |= digits << (_BITS * place)
+    return values
+
+
+def _signed(numbers: IntArray) -> IntArray:
+    """Return numbers from the form in which small negative ones are short, too."""
+    return ((numbers >> 1) & np.int64(2**63 - 1)) ^ -(numbers & 1)
+
+
+def _number(message: bytes, field: int) -> int:
+    """Return the integer in this field of a message, which is the last one; 0 without any."""
+    return max(enumerate(_numbers(message, field)), default=(0, 0))[1]
+
+
+def _numbers(message: bytes, field: int) -> Iterator[int]:
+    return (value for name, value in _fields(message) if name == field and isinstance(value, int))
+
+
+def _bytes(message: bytes, field: int) -> bytes:
+    """Return all bytes in this field of a message."""
+    return b"".join(value for name, value in _parts(message) if name == field)
+
+
+def _parts(message: bytes) -> Iterator[tuple[int, bytes]]:
+    return ((name, value) for name, value in _fields(message) if isinstance(value, bytes))
+
+
+def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Yield the integers and the bytes in a message with their fields, up to a value of another type."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        value, at = _varint(message, at)
+        if key & 7 == 0:
+            yield key >> 3, value
+        elif key & 7 == 2:
+            yield key >> 3, message[at : at + value]
+            at += value
+        else:
+            return
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    """Return the number that begins here, and where the next field begins."""
+    value = 0
+    shift = 0
+    while at < len(message):
+        byte = message[at]
+        at += 1
+        if byte < 1 << _BITS:
+            return value | byte << shift, at
+        value |= (byte & 127) << shift
+        shift += _BITS
+        if shift > _MOST_SHIFT:
+            break
+    return value, len(message)
