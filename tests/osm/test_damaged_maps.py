@@ -6,6 +6,7 @@ import random
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
+import networkx as nx
 import osmium
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,6 +18,7 @@ from gamms.osm import (
     graph_from_file,
     graph_from_xml,
     obstacle_from_file,
+    process_osm_graph,
     report,
     scenery_from_file,
 )
@@ -302,6 +304,48 @@ def test_thousands_of_pieces_of_a_way_are_read_at_once(write):
     nodes = [node(id, 0.0, id * 0.01) for id in range(3_001)]
     file = write(*nodes, *(way(7, [id, id + 1]) for id in range(3_000)))
     assert len(graph_from_file(file, WHOLE)) == 2
+
+
+# -- nodes at one place -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", [None, "walk"])
+@pytest.mark.parametrize("simplify", [True, False])
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [[1, 3, 2], [2, 3, 4], [3, 5]],  # a piece of length 0 there and back
+        [[1, 3, 2, 3, 4], [3, 5]],
+        [[1, 2, 6, 3, 2, 4], [6, 5]],  # around a ring of length 0
+        [[2, 1], [3, 6, 4], [6, 3, 2], [5, 3]],
+        [[3, 2, 1], [4, 2, 6], [2, 2, 5, 5]],  # at the ends
+    ],
+)
+def test_roads_of_length_0_are_no_roads(write, lines, simplify, mode):
+    nodes = [node(1, 0, 0), *(node(id, 0, 18) for id in (2, 3, 6)), node(4, 0, 36), node(5, 9, 18)]
+    file = write(*nodes, *(way(100 + row, refs, {"highway": "footway"}) for row, refs in enumerate(lines)))
+    for resolution, nodes in ((WHOLE, 4), (50.0, 4 + 3)):
+        graph = graph_from_file(file, resolution, osm_type=mode, simplify=simplify)
+        assert (len(graph), graph.number_of_edges()) == (nodes, 2 * (nodes - 1))
+        assert min(data["length"] for *_, data in graph.edges(data=True)) > 40.0
+        assert report(graph, file).is_faithful
+    assert len(graph_from_xml(file, WHOLE)) == 4
+
+
+def test_a_loop_of_length_0_in_a_graph_is_no_road():
+    graph = nx.MultiDiGraph(crs="EPSG:32635")
+    graph.add_nodes_from([(0, {"x": 5e5, "y": 6.7e6}), (1, {"x": 5e5 + 100, "y": 6.7e6})])
+    graph.add_edges_from([(0, 1), (0, 0), (1, 1)])
+    cut = process_osm_graph(graph, WHOLE, bidirectional=True)
+    assert sorted(cut.edges) == [(0, 1), (1, 0)]
+
+
+@pytest.mark.parametrize("mode", [None, "walk", "drive"])
+@pytest.mark.parametrize("refs", [[1, 2, 1], [1, 2, 1, 2], [1, 1, 2, 2], [1, 2, 3, 2, 4]])
+def test_a_way_that_turns_back_is_as_long_as_the_map_says(write, mode, refs):
+    file = write(*ROW, way(7, refs))
+    graph = graph_from_file(file, 20.0, osm_type=mode)
+    assert report(graph, file).is_faithful
 
 
 # -- damage changes nothing -------------------------------------------------------------------------------------

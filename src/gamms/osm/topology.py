@@ -271,7 +271,13 @@ def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> RoadChai
     return RoadChains(of_road, ends_of, lengths.astype(np.float64))
 
 
+def _without_empty_loops(network: RoadNetwork) -> RoadNetwork:
+    is_empty = (network.sources == network.targets) & (network.lengths <= 0.0)
+    return chosen_roads(network, np.flatnonzero(~is_empty)) if is_empty.any() else network
+
+
 def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
+    network = _without_empty_loops(network)
     same = (network.xy[network.sources] == network.xy[network.targets]).all(axis=1)
     empty = same & (network.sources != network.targets) & (network.lengths <= 0.0)
     if not empty.any():
@@ -403,11 +409,13 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
 
     A road shorter than 1.5 times the resolution stays whole. New nodes follow the old ones. So that no piece is lost in
     a graph with one edge per pair of nodes, a road that leads back to its own node is cut into at least three, and all
-    but the first of several whole roads between two nodes are cut in the middle.
+    but the first of several whole roads between two nodes are cut in the middle. A road of length zero that leads back
+    to its own node is no road: two nodes of the map are at one place.
 
     Raises:
         TooLarge (BadValue): the pieces would take more memory than allowed.
     """
+    network = _without_empty_loops(network)
     counts = piece_counts(network.lengths, resolution)
     loop = network.sources == network.targets
     counts[loop] = np.maximum(counts[loop], 3)
