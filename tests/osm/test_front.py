@@ -102,5 +102,5 @@ def test_a_bad_resolution_leaves_the_context_as_it_was(bad):
 
 @pytest.mark.parametrize("box", [(25.0, 60.1, 24.9, 60.2), (24.9, 60.2, 25.0, 60.1), (24.9, 60.1, 25.0, 91.0)])
 def test_a_box_that_is_not_an_area_is_refused(box):
-    with pytest.raises(BadValue, match=r"^left=.* is not an area: it takes degrees with"):
+    with pytest.raises(BadValue, match=r"^left=.* is not an area: (it takes|longitudes are)"):
         gamms.osm.graph_from_bbox(*box)

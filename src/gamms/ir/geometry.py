@@ -1,17 +1,18 @@
-"""Polylines as shapely LineStrings and as arrays."""
+"""Polylines as shapely LineStrings and as arrays; areas, and boxes in degrees."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_float
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray, read_only
 from gamms.text import shown
 
 if TYPE_CHECKING:
-    from shapely import LineString, Polygon
+    from shapely import LineString, MultiPolygon, Polygon
 
 
 def line_string(points: FloatArray | Sequence[Sequence[float]]) -> "LineString":
@@ -312,6 +313,107 @@ def _ring(ring: object, name: str) -> FloatArray:
     if len(points) < 3:
         raise BadValue(f"{name} needs at least three (x, y) points, not {shown(ring)}.")
     return points
+
+
+_EAST = 180.0  # degrees of longitude and latitude
+_NORTH = 90.0
+_TURN = 360.0
+_WIDEST = 180.0  # of a box across 180 degrees; its sides are swapped if it seems wider
+
+
+class Box(NamedTuple):
+    """An area between two longitudes and two latitudes, degrees; it lies across 180 degrees if west > east."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def is_across(self) -> bool:
+        """Whether it lies across 180 degrees."""
+        return self.west > self.east
+
+    def region(self) -> "Polygon | MultiPolygon":
+        """Return its area; of one across 180 degrees both parts."""
+        import shapely
+
+        if not self.is_across:
+            return shapely.box(*self)
+        sides = ((self.west, _EAST), (-_EAST, self.east))
+        parts = [shapely.box(west, self.south, east, self.north) for west, east in sides if west < east]
+        return shapely.MultiPolygon(parts)
+
+
+def box_of(sides: Sequence[object], names: Sequence[str], name: str = "") -> Box:
+    """Return a box of four checked sides: west, south, east, north.
+
+    Args:
+        sides: numbers.
+        names: of the sides, for errors.
+        name: of the box, for errors.
+
+    Raises:
+        BadType, BadValue: a side is no number, or the sides are impossible or swapped.
+    """
+    box = Box(*(as_float(side, f"{name} {of_side}".strip()) for side, of_side in zip(sides, names, strict=True)))
+    given = ", ".join(f"{of_side}={side:g}" for of_side, side in zip(names, box, strict=True))
+    refusal = f"{name} {given} is not an area".strip()
+    west, south, east, north = names
+    if max(abs(box.west), abs(box.east)) > _EAST or max(abs(box.south), abs(box.north)) > _NORTH:
+        raise BadValue(f"{refusal}: longitudes are from -180 to 180 degrees, and latitudes from -90 to 90.")
+    width = box.east - box.west + (_TURN if box.is_across else 0.0)
+    if box.south >= box.north or width <= 0.0:
+        raise BadValue(f"{refusal}: it takes {west} < {east} (longitudes) and {south} < {north} (latitudes).")
+    if box.is_across and width > _WIDEST:
+        raise BadValue(f"{refusal}: it takes {west} < {east}; across 180 degrees it would be {width:g} degrees wide.")
+    return box
+
+
+def area_of(clip: object, name: str) -> "Polygon | MultiPolygon":
+    """Return a caller's area in degrees: a box (west, south, east, north), or what `region_of` takes.
+
+    Raises:
+        BadType, BadValue: it is no area in degrees, or an edge goes around the world.
+    """
+    sides = clip.tolist() if isinstance(clip, np.ndarray) else clip
+    if isinstance(sides, (list, tuple)) and len(sides) == 4 and all(isinstance(one, (int, float)) for one in sides):
+        return region_of(box_of(sides, Box._fields, name).region(), name, lambda lonlat: lonlat)
+    region = region_of(clip, name, lambda lonlat: lonlat)
+    if (np.abs(np.reshape(region.bounds, (2, 2))) > (_EAST, _NORTH)).any():
+        raise BadValue(f"{name} must be in degrees of longitude and latitude; its bounds are {shown(region.bounds)}.")
+    _check_edges(region, name)
+    return region
+
+
+def bounds_by_side(region: "Polygon | MultiPolygon") -> list[tuple[float, float, float, float]]:
+    """Return the bounds of an area in degrees, apart for its polygons west of Greenwich and the others."""
+    import shapely
+
+    parts = shapely.get_parts(region)
+    is_west = shapely.bounds(parts)[:, 2] <= 0.0
+    return [tuple(shapely.total_bounds(some).tolist()) for some in (parts[is_west], parts[~is_west]) if len(some)]
+
+
+def _check_edges(region: "Polygon | MultiPolygon", name: str) -> None:
+    """Check that no edge of an area goes around the world, as that of an area across 180 degrees seems to do.
+
+    Raises:
+        BadValue: one does.
+    """
+    import shapely
+
+    for part in shapely.get_parts(region):
+        for ring in (part.exterior, *part.interiors):
+            longitudes = shapely.get_coordinates(ring)[:, 0]
+            steps = np.abs(np.diff(longitudes))
+            long = np.flatnonzero((steps > _EAST) & (steps < _TURN))
+            if len(long):
+                first, second = longitudes[long[0] : long[0] + 2].tolist()
+                raise BadValue(
+                    f"{name} has an edge from longitude {first:g} to {second:g}, around the world. Cut an area across "
+                    "180 degrees into two polygons there (RFC 7946, 3.1.9), or give a box with west > east."
+                )
 
 
 def are_inside(region: "Polygon", xy: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":

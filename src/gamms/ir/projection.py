@@ -20,6 +20,9 @@ from gamms.text import shown
 WGS84 = "EPSG:4326"
 _UTM_REACH = 84.0  # degrees of latitude
 _CENTIMETRE = 0.01
+_TURN = 360.0  # degrees
+_TINY = 0.1  # metres or degrees: maps in metres have longer lines, and streets in degrees do not
+_NEAR = 0.2  # the largest size of a map in degrees, as a share of its coordinates
 _BEYOND = 10.0  # degrees: a map may extend beyond its zone; with swapped latitude and longitude it extends farther
 _A = 6378137.0  # metres, equatorial radius of both ellipsoids
 # flattenings
@@ -113,6 +116,31 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
             "of the projection. Check the order of the coordinates, and graph.crs."
         )
     return there
+
+
+def unrolled(lonlat: FloatArray) -> FloatArray:
+    """Return positions (points, 2) in degrees, in which no line of a map jumps from 180 to -180.
+
+    The longitudes begin at the widest gap between them: of a map across 180 degrees, those in the west get 360 more.
+    NaN stays.
+    """
+    known = lonlat[np.isfinite(lonlat[:, 0]), 0]
+    if not len(known) or np.ptp(known) <= _TURN / 2.0:
+        return lonlat
+    east = np.unique(known)
+    gaps = np.diff(east)
+    widest = int(gaps.argmax())
+    if gaps[widest] <= east[0] + _TURN - east[-1]:
+        return lonlat
+    is_west = lonlat[:, 0] <= east[widest]
+    return np.column_stack((np.where(is_west, lonlat[:, 0] + _TURN, lonlat[:, 0]), lonlat[:, 1]))
+
+
+def turned(lonlat: FloatArray, middle: float) -> FloatArray:
+    """Return positions (points, 2) in degrees with longitudes at most half a turn from a middle."""
+    off = lonlat[:, 0] - middle
+    turns = (off < -_TURN / 2.0).astype(np.float64) - (off > _TURN / 2.0)
+    return np.column_stack((lonlat[:, 0] + _TURN * turns, lonlat[:, 1])) if turns.any() else lonlat
 
 
 def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.ir.projection import ellipsoid_lengths
+from gamms.ir.projection import ellipsoid_lengths, turned
 from gamms.osm.comparison import (
     MOST_UNCUT,
     WIDEST,
@@ -389,7 +389,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     known = np.ones(len(pieces.lonlat), np.bool_)
     if selection.clip is not None:
-        known = are_inside(selection.clip, pieces.lonlat)
+        known = are_inside(selection.clip, turned(pieces.lonlat, 0.0))
     inside = known[pieces.sources] & known[pieces.targets]
     of_ways = np.bincount(pieces.ways, weights=metres * inside, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}

@@ -15,7 +15,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, project, utm_crs
+from gamms.ir.projection import WGS84, project, turned, utm_crs
 from gamms.limits import refuse_above
 from gamms.text import shown
 
@@ -389,6 +389,16 @@ class BuildingIndex:
 
         return shapely.STRtree(repaired(self._read()))
 
+    @cached_property
+    def _middle(self) -> float:
+        """The longitude around which the buildings lie; it may be beyond 180 degrees."""
+        import shapely
+
+        if not len(self._tree.geometries):
+            return 0.0
+        west, _, east, _ = shapely.total_bounds(self._tree.geometries)
+        return float(west + east) / 2.0
+
     def lie_between(self, start: FloatArray, end: FloatArray, around: "BaseGeometry") -> BoolArray:
         """Return a mask of the straight lines (lines, 2) in an area, in degrees, that lead through a building.
 
@@ -397,6 +407,7 @@ class BuildingIndex:
         import shapely
 
         line, row, _ = self.crossings(start, end)
+        around = shapely.transform(around, lambda lonlat: turned(lonlat, self._middle))
         covered = shapely.area(shapely.intersection(self._tree.geometries[row], around))
         return np.isin(np.arange(len(start)), line[covered < around.area / 2.0])
 
@@ -408,6 +419,7 @@ class BuildingIndex:
         """
         import shapely
 
+        start, end = (turned(some, self._middle) for some in (start, end))
         lines = shapely.linestrings(np.stack((start, end), axis=1))
         line, row = self._tree.query(lines, predicate="intersects")
         lines = lines[line]

@@ -14,7 +14,6 @@ import numpy as np
 from gamms.arguments import (
     as_bool,
     as_context,
-    as_float,
     as_positive,
     as_range,
     refuse_keywords,
@@ -22,7 +21,7 @@ from gamms.arguments import (
     with_options,
 )
 from gamms.errors import BadFile, BadValue
-from gamms.ir.geometry import region_of
+from gamms.ir.geometry import area_of
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
@@ -68,13 +67,12 @@ from gamms.osm.objects import as_tags
 from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
-from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 
 if TYPE_CHECKING:
     import networkx as nx
-    from shapely import Polygon
+    from shapely import MultiPolygon, Polygon
 
 FilePath = str | os.PathLike[str]
 _Reader = Callable[[Path, Show, Rule | None, Sequence[str]], OsmRoads]
@@ -112,13 +110,16 @@ class RoadSelection(NamedTuple):
     tags: tuple[str, ...] = ()  # further tags to keep
     stops: Stops | None = None  # which barriers end a road
     is_classic: bool = False  # nodes have only the attributes of gamms 1.0.0
-    clip: "Polygon | None" = None  # the area in degrees to read
+    clip: "Polygon | MultiPolygon | None" = None  # the area in degrees to read
     snap: float = 0.0  # meters, for GeoJSON
     around_buildings: bool = False
 
 
-Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon"
-"""An area in degrees: (west, south, east, north), or a polygon of pairs, of GeoJSON or of shapely."""
+Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon | MultiPolygon"
+"""An area in degrees: (west, south, east, north), or a polygon of pairs, of GeoJSON or of shapely.
+
+A box across 180 degrees has west > east, as in GeoJSON; a polygon across it is given as its two parts.
+"""
 
 
 class MapOptions(TypedDict, total=False):
@@ -146,8 +147,9 @@ class FileOptions(MapOptions, total=False):
     value, a list of such values, or True for any value; None: all.
     """
     clip: "Clip | None"
-    """The area to read: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude, latitude)
-    pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it. Only the area takes memory.
+    """The area to read: (west, south, east, north) in degrees, with west > east across 180 degrees, or a polygon in
+    degrees, as (longitude, latitude) pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it.
+    Only the area takes memory.
     """
 
 
@@ -239,20 +241,8 @@ def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -
     Raises:
         BadType, BadValue: the filter or the area is impossible.
     """
-    return selection._replace(rule=filtered(selection.rule, given), clip=_area_of(clip))
-
-
-def _area_of(clip: object) -> "Polygon | None":
-    """Return the caller's area as a polygon in degrees."""
-    if clip is None:
-        return None
-    if isinstance(clip, (list, tuple)) and len(clip) == 4 and all(isinstance(one, (int, float)) for one in clip):
-        west, south, east, north = (as_float(one, "A side of clip") for one in clip)
-        clip = [(west, south), (east, south), (east, north), (west, north)]
-    region = region_of(clip, "clip", lambda lonlat: lonlat)
-    if (np.abs(np.reshape(region.bounds, (2, 2))) > (180.0, 90.0)).any():
-        raise BadValue(f"clip must be in degrees of longitude and latitude; its bounds are {shown(region.bounds)}.")
-    return region
+    area = None if clip is None else area_of(clip, "clip")
+    return selection._replace(rule=filtered(selection.rule, given), clip=area)
 
 
 def for_mode(

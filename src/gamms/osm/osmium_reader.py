@@ -19,8 +19,9 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError
-from gamms.ir.geometry import are_inside
+from gamms.ir.geometry import are_inside, bounds_by_side
 from gamms.ir.graph import FloatArray
+from gamms.ir.projection import unrolled
 from gamms.limits import MemoryBudget, refuse_above
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import (
@@ -53,7 +54,7 @@ from gamms.text import shown
 
 if TYPE_CHECKING:
     from osmium import FileProcessor, io, osm
-    from shapely import Polygon
+    from shapely import MultiPolygon, Polygon
 
 _MapObject: TypeAlias = "osm.Node | osm.Way | osm.Relation"
 _NODE = "n"  # osmium's name of the kind
@@ -318,11 +319,14 @@ class _WayVertices:
                 self.x[position], self.y[position] = places[ref]
 
     def lonlat(self) -> FloatArray:
-        """Return the vertices in degrees (positions, 2), NaN where the file lacks the node."""
+        """Return the vertices in degrees (positions, 2), NaN where the file lacks the node.
+
+        On a map across 180 degrees, longitudes in the west are above 180.
+        """
         units = np.column_stack((np.array(self.x, np.int64), np.array(self.y, np.int64)))
         lonlat = units / _DEGREE
         lonlat[np.any(np.abs(units) > (180 * _DEGREE, 90 * _DEGREE), axis=1)] = np.nan
-        return lonlat
+        return unrolled(lonlat)
 
 
 _OUTSIDE = (_NOWHERE, _NOWHERE)
@@ -340,16 +344,16 @@ class _ClippedNodes:
         place_of: id of a node -> longitude and latitude in osmium's units.
     """
 
-    def __init__(self, source: MapSource, region: "Polygon") -> None:
+    def __init__(self, source: MapSource, region: "Polygon | MultiPolygon") -> None:
         from osmium import FileProcessor, osm
 
-        west, south, east, north = (round(one * _DEGREE) for one in region.bounds)
+        boxes = [tuple(round(one * _DEGREE) for one in part) for part in bounds_by_side(region)]
         ids = array("q")
         x = array("q")
         y = array("q")
         for one in source.counting(FileProcessor(source.opened, osm.NODE)):
             place = cast("osm.Node", one).location
-            if west <= place.x <= east and south <= place.y <= north:
+            if any(west <= place.x <= east and south <= place.y <= north for west, south, east, north in boxes):
                 ids.append(one.id)
                 x.append(place.x)
                 y.append(place.y)
@@ -374,7 +378,7 @@ def read_ways(
     *,
     areas: bool = False,
     stops: Stops | None = None,
-    clip: "Polygon | None" = None,
+    clip: "Polygon | MultiPolygon | None" = None,
     around_buildings: bool = False,
 ) -> OsmRoads:
     """Return the ways of a map file that a rule accepts, by default all roads, in file order; possibly none.

@@ -10,6 +10,7 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_float, refuse_keywords, with_options
 from gamms.errors import BadType, BadValue, PlaceError
+from gamms.ir.geometry import box_of
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
@@ -126,11 +127,12 @@ def graph_from_bbox(
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
 
+    A box across 180 degrees is refused, because map servers end there; `graph_from_file` reads one with `clip`.
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
-    box = _box(left, bottom, right, top)
+    box = box_of((left, bottom, right, top), ("left", "bottom", "right", "top"))
     name = f"the box {(left, bottom, right, top)}"
-    return _graph_of_area(streets_of_polygon, polygon_of(box), name, options)
+    return _graph_of_area(streets_of_polygon, box.region(), name, options)
 
 
 @_with_place_options
@@ -222,19 +224,6 @@ def _check_filter(custom_filter: object) -> None:
         raise BadValue(
             f"""custom_filter must look like '["highway"~"primary|secondary"]', not {shown(custom_filter)}."""
         )
-
-
-def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float]]:
-    west = as_float(left, "left")
-    east = as_float(right, "right")
-    south = as_float(bottom, "bottom")
-    north = as_float(top, "top")
-    if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
-        raise BadValue(
-            f"left={west}, bottom={south}, right={east}, top={north} is not an area: it takes degrees with "
-            "-180 <= left < right <= 180 (longitudes) and -90 <= bottom < top <= 90 (latitudes)."
-        )
-    return [(west, south), (east, south), (east, north), (west, north)]
 
 
 def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
