@@ -1,5 +1,6 @@
 """Areas in degrees, and maps on both sides of 180 degrees."""
 
+import json
 import math
 
 import numpy as np
@@ -11,6 +12,7 @@ from gamms.errors import BadType, BadValue
 from gamms.osm import (
     graph_from_bbox,
     graph_from_file,
+    graph_from_geojson,
     graph_from_polygon,
     obstacle_from_file,
     report,
@@ -100,6 +102,13 @@ def test_servers_end_at_180_degrees():
     for call in (lambda: graph_from_bbox(*BOX), lambda: graph_from_polygon(TWO_BOXES)):
         with pytest.raises(BadValue, match="both sides of the 180th meridian, where map servers end"):
             call()
+
+
+def test_lines_of_geojson_that_are_cut_at_180_degrees_join_there(tmp_path):
+    file = tmp_path / "cut.geojson"
+    lines = [[[179.998, -16.8], [180, -16.8]], [[-180.0, -16.8], [-179.998, -16.8]]]
+    file.write_text(json.dumps({"type": "MultiLineString", "coordinates": lines}))
+    assert length(graph_from_geojson(file, NO_CUT)) == 426.4
 
 
 # -- the same town at other longitudes --------------------------------------------------------------------------

@@ -272,3 +272,31 @@ def test_masses_of_near_lines_are_refused(write, monkeypatch):
 def test_a_distance_to_snap_that_is_none_is_refused(write, snap, error):
     with pytest.raises(error, match="snap"):
         load(write(collection(line(A, B))), snap=snap)
+
+
+@pytest.mark.parametrize(
+    ("oneway", "directions"),
+    [
+        *((value, [True]) for value in (1, 1.0, True, "1", "yes", "Yes", " TRUE ", "F")),
+        *((value, [False]) for value in (-1, -1.0, "-1", "Reverse", "T")),
+        *((value, [False, True]) for value in (0, False, None, "no", "0", 2, "", "maybe")),
+    ],
+)
+def test_one_way_lines_may_be_written_as_numbers_and_truths(write, oneway, directions):
+    graph = load(write(line(A, B, oneway=oneway)), bidirectional=False)
+    east = [graph.nodes[v]["x"] > graph.nodes[u]["x"] for u, v in graph.edges]
+    assert sorted(east) == directions
+
+
+@pytest.mark.parametrize("places", [[], [A]])
+def test_lines_without_two_places_are_skipped(write, places):
+    graph = load(write(collection(line(*places), line(A, B), line(*places))))
+    assert graph.number_of_edges() == 2
+    with pytest.raises(BadFile, match="no lines; only LineString and MultiLineString are roads"):
+        load(write(line(*places)))
+
+
+def test_an_answer_of_overpass_in_json_is_named(write):
+    answer = {"version": 0.6, "elements": [], "remark": "runtime error: Query timed out"}
+    with pytest.raises(BadFile, match=r"answer of Overpass.*the server reports 'runtime error: Query.*\[out:xml\]"):
+        load(write(answer))

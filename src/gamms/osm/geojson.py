@@ -18,7 +18,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
 from gamms.osm.network import OsmRoads, Rule, components, offsets_of
-from gamms.osm.objects import is_against, is_one_way
+from gamms.osm.objects import LEAST_NODES, is_against, is_one_way
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import why_not_plain
 from gamms.progress import Show
@@ -29,6 +29,8 @@ _MOST_LEVELS = 32  # of nested geometry collections
 _NO_TAGS = frozenset(("id", "osmid", "linestring", "geometry", "length", "reversed"))  # our own names
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")  # names of WGS 84 in files older than RFC 7946
 _WAY_OUT = "Give a GeoJSON file with LineString or MultiLineString geometries in longitude and latitude."
+_EAST = 180.0  # degrees
+_GDF = ("T", "F")  # values of `oneway` in Geographic Data Files: against and along
 _ID = re.compile(r"(?:way/)?(-?\d{1,18})", re.ASCII)
 _Line = list[Annotated[list[float], Meta(min_length=2)]]
 
@@ -44,6 +46,8 @@ class _GeoJsonObject(msgspec.Struct):
     properties: dict[str, Any] | None = None
     id: Any = None
     crs: Any = None
+    elements: Any = None  # of an answer of Overpass, which is no GeoJSON
+    remark: Any = None
     attribution: Any = None
     copyright: Any = None
 
@@ -81,6 +85,9 @@ def _ways(text: bytes) -> OsmRoads:
     document = msgspec.json.decode(text, type=_GeoJsonObject)
     if document.crs and not msgspec.json.encode(document.crs).decode().rstrip('"} ').endswith(_WGS84):
         raise ValueError(f"its crs is {str(document.crs)[:80]}, and GeoJSON is in WGS 84. Convert it first")
+    if document.elements is not None:
+        said = f"; the server reports {shown(document.remark)}" if document.remark else ""
+        raise ValueError(f"it is an answer of Overpass in its own JSON{said}. Ask for XML ([out:xml])")
     features = [document if document.type == "Feature" else _GeoJsonObject(geometry=document)]
     if document.type == "FeatureCollection":
         features = document.features
@@ -88,15 +95,19 @@ def _ways(text: bytes) -> OsmRoads:
     tags = []
     against = []
     for number, feature in enumerate(features, 1):
+        oneway = _oneway(feature)
         for line in _lines_of(feature.geometry):
             try:
-                lines.append(_lonlat(msgspec.convert(line, _Line)))
+                lonlat = _lonlat(msgspec.convert(line, _Line))
             except ValueError as error:
                 raise ValueError(f"feature {number} has an invalid line: {error}") from None
+            if len(lonlat) < LEAST_NODES:
+                continue
+            lines.append(lonlat)
             tags.append(_tags(feature, number))
-            against.append(is_against((feature.properties or {}).get("oneway")))
+            against.append(is_against(oneway))
     if not lines:
-        raise ValueError("it has no lines")
+        raise ValueError("it has no lines; only LineString and MultiLineString are roads")
     lonlat = np.concatenate(lines)
     places, refs = np.unique(lonlat @ (1.0, 1.0j), return_inverse=True)
     offsets = offsets_of(np.array([len(line) for line in lines], np.int64))
@@ -125,7 +136,21 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     outside = (np.abs(lonlat) > (180.0, 90.0)).any(axis=1)
     if outside.any():
         raise ValueError(f"the position {line[outside.argmax()]} is not a longitude and latitude in degrees")
+    lonlat[lonlat[:, 0] == -_EAST, 0] = _EAST  # one meridian: lines across it are cut there (RFC 7946, 3.1.9)
     return lonlat
+
+
+def _oneway(feature: _GeoJsonObject) -> str | None:
+    """Return the value of `oneway` as OpenStreetMap writes it; other programs use numbers, truths and capitals."""
+    given = (feature.properties or {}).get("oneway")
+    if given is None:
+        return None
+    if isinstance(given, bool):
+        return "yes" if given else "no"
+    if isinstance(given, (int, float)):
+        return f"{given:g}"
+    text = str(given).strip()
+    return text if text in _GDF else text.lower()
 
 
 def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
@@ -137,7 +162,7 @@ def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
             raise ValueError(f"the property {shown(name)} of feature {number}{flaw}")
     ids = (str(id) for id in (given.get("osmid"), given.get("@id"), feature.id))
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
-    oneway = is_one_way(given.get("oneway"), given.get("junction"))
+    oneway = is_one_way(_oneway(feature), given.get("junction"))
     return {"osmid": number if found is None else int(found[1]), **kept, "oneway": oneway}
 
 
