@@ -353,5 +353,7 @@ def test_the_rows_of_a_geodataframe_are_walls():
     assert next(extract_osm_polygon_faces(Frame(rows, None)))["tr"][2] == 8.0
     degrees = [{"shape": shapely.Polygon([NODES[id][::-1] for id in BLOCK]), "building": "house"}]
     assert edges_of(extract_osm_polygon_faces(Frame(degrees, WGS84))) == edges_between(BLOCK)
+    with pytest.raises(BadValue, match=r"GeoDataFrame has no CRS \(gdf\.crs\), and its coordinates look like degrees"):
+        extract_osm_polygon_faces(Frame([*degrees, {"shape": None}, {"shape": shapely.Polygon()}], None))
     with pytest.raises(BadType, match="GeoDataFrame"):
         extract_osm_polygon_faces(rows)

@@ -5,7 +5,7 @@ import pytest
 from shapely import LineString
 
 from gamms.errors import BadType, BadValue
-from gamms.osm import load, obstacle_from_file, process_osm_graph
+from gamms.osm import consolidate, load, obstacle_from_file, process_osm_graph
 
 
 def street(**about):
@@ -116,3 +116,28 @@ def test_bad_graphs_are_refused_with_the_place():
         process_osm_graph(street(crs="nonsense"))
     with pytest.raises(BadValue, match="resolution"):
         process_osm_graph(street(), resolution=0)
+
+
+def in_degrees(scale=1.0, **edge):
+    graph = nx.MultiDiGraph()
+    graph.add_nodes_from([(0, {"x": 24.94 * scale, "y": 60.17 * scale}), (1, {"x": 24.95 * scale, "y": 60.17 * scale})])
+    graph.add_edge(0, 1, **edge)
+    return graph
+
+
+@pytest.mark.parametrize("edge", [{}, {"length": 555.1}])
+@pytest.mark.parametrize("read", [process_osm_graph, lambda graph: consolidate(graph, 1.0)])
+def test_degrees_without_a_crs_are_no_metres(read, edge):
+    with pytest.raises(BadValue, match=r"has no CRS .* look like degrees: from \(24\.94, 60\.17\) .* 'EPSG:4326'"):
+        read(in_degrees(**edge))
+    for crs in ("EPSG:4326", "EPSG:32635"):
+        graph = in_degrees(**edge)
+        graph.graph["crs"] = crs
+        read(graph)
+
+
+def test_small_maps_in_metres_need_no_crs():
+    assert process_osm_graph(in_degrees(scale=100.0)).number_of_edges() == 2
+    grid = nx.grid_2d_graph(3, 3)
+    nx.set_node_attributes(grid, {node: {"x": 0.05 * node[0], "y": 0.05 * node[1]} for node in grid})
+    assert len(process_osm_graph(grid)) == 9

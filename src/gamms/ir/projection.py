@@ -182,6 +182,30 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     return lengths
 
 
+def check_metres(points: FloatArray, lengths: FloatArray, name: str) -> None:
+    """Check that coordinates without a CRS may be metres: as degrees, a city is far from the origin and tiny.
+
+    Args:
+        points: (points, 2) all coordinates.
+        lengths: (lines,) in the units of the coordinates.
+        name: the subject of the error, with a hint where the CRS belongs.
+
+    Raises:
+        BadValue: they look like degrees.
+    """
+    if not len(points) or not len(lengths) or not (np.abs(points) <= (180.0, 90.0)).all():
+        return
+    size = np.ptp(points, axis=0).max()
+    farthest = np.abs(points).max()
+    if 0.0 < lengths.max() < _TINY and size < _NEAR * farthest:
+        west, south = points.min(axis=0).tolist()
+        east, north = points.max(axis=0).tolist()
+        raise BadValue(
+            f"{name}, and its coordinates look like degrees: from ({west:g}, {south:g}) to ({east:g}, {north:g}). "
+            "Give 'EPSG:4326' for longitude and latitude, or the CRS of its coordinates in metres."
+        )
+
+
 def crs_of(crs: object) -> tuple[str, bool]:
     """Return the text of a CRS, and whether its unit is degrees; otherwise it is metres.
 

@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_float, as_items, as_range, refuse_keywords, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
-from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
+from gamms.ir.projection import WGS84, check_metres, crs_of, project, project_back_and_forth, utm_crs
 from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
@@ -175,6 +175,10 @@ def extract_osm_polygon_faces(
     except AttributeError:
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
     in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
+    if gdf.crs is None:
+        bounds = np.array([shape.bounds for shape, _ in features if getattr(shape, "bounds", ())]).reshape(-1, 2, 2)
+        bounds = bounds[np.isfinite(bounds).all(axis=(1, 2))]
+        check_metres(bounds.reshape(-1, 2), np.ptp(bounds, axis=1).max(axis=1), "The GeoDataFrame has no CRS (gdf.crs)")
     plane = _plane(None, None) if in_degrees else lambda _: MetricPlane(lambda points: points)
     return _records_of_features(features, rules, tolerance, plane)
 

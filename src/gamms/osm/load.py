@@ -23,7 +23,7 @@ from gamms.arguments import (
 from gamms.errors import BadFile, BadValue
 from gamms.ir.geometry import area_of
 from gamms.ir.graph import GraphColumns
-from gamms.ir.projection import crs_of
+from gamms.ir.projection import check_metres, crs_of
 from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
@@ -50,6 +50,7 @@ from gamms.osm.network import (
     RoadNetwork,
     Rule,
     Stops,
+    along,
     both_ways,
     classic_closed_rule,
     classic_rule,
@@ -319,7 +320,8 @@ def process_osm_graph(
     """Cut the edges of a networkx graph, such as OSMnx makes, like `graph_from_xml`.
 
     Nodes need `x` and `y`; edges may have a `geometry` and a `length` in meters. A graph in degrees is projected to
-    UTM; any other is taken as meters, unchanged. Both directions of a street share their nodes.
+    UTM; any other is taken as meters, unchanged. A graph without a CRS must be in meters, and one that looks like
+    degrees is refused. Both directions of a street share their nodes.
 
     Args:
         osmg: the graph.
@@ -440,6 +442,9 @@ def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
     """Return the roads of a networkx graph, projected from degrees if necessary; both directions become one road."""
     network = network_of_graph(osmg)
     crs = osmg.graph.get("crs")
+    if crs is None:
+        drawn = along(network.offsets, network.points)[network.offsets[1:] - 1]
+        check_metres(network.xy, drawn, "The graph has no CRS (osmg.graph['crs'])")
     name, in_degrees = (None, False) if crs is None else crs_of(crs)
     if not in_degrees:
         network = replace(network, crs=name)
