@@ -383,3 +383,13 @@ def test_the_command_ends_with_1_after_a_no(town, monkeypatch):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 1
     assert json.loads(result.output)["is_faithful"] is False
+
+
+def test_a_graph_without_a_mode_is_compared_with_the_part_that_it_keeps(make_map, cross):
+    """Agents may go against its one-way streets, so that every node is reached, whatever `strong` says."""
+    ways = ([1, 2], {**ROAD, "oneway": "yes"}), ([2, 3], ROAD), ([2, 4], {**ROAD, "oneway": "yes"})
+    file = make_map(cross, *ways)
+    for strong in (True, False):
+        for bidirectional in (True, False):
+            graph = graph_from_file(file, 1e6, bidirectional, strong=strong)
+            assert report(graph, file).is_faithful

@@ -346,6 +346,7 @@ def _selection(
     every_way = bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
     rule = classic_rule(kind, every_way=every_way)
+    strong = strong and not recipe.bidirectional
     return RoadSelection(rule, "", retain_all, strong, closed, around_buildings=recipe.around_buildings)
 
 
