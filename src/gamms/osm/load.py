@@ -163,8 +163,8 @@ def graph_from_xml(
 ) -> "nx.DiGraph[int]":
     """Make a graph of all ways with a `highway` tag in an OpenStreetMap file, with a node at every vertex of the file.
 
-    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, leaves out planned, unfinished and
-    removed roads, and supports modes of travel.
+    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, supports modes of travel, and
+    leaves out planned, unfinished and removed roads, raceways, services and rest areas.
 
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
