@@ -323,7 +323,7 @@ class ReservedName(GammsError, AttributeError):
 
 
 class IllegalMutation(GammsError, RuntimeError):
-    """A strategy tried to change something other than through its action."""
+    """A strategy tried to change something other than through its action, or a rule tried to play or reset the game."""
 
 
 class ContextTerminated(GammsError, AttributeError):

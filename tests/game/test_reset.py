@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gamms.agent import AgentType
+from gamms.errors import IllegalMutation
 from gamms.sensor import SensorType
 
 
@@ -195,20 +196,24 @@ def test_a_reset_without_a_seed_repeats_the_game_that_was_played_last(grid):
         assert (ctx.seed, ctx.game.run()) == (3, first)
 
 
-@pytest.mark.parametrize("phase", ["before", "after"])
-def test_a_rule_may_reset_the_game(ctx, play, phase):
-    agent = play("a", 0, 1, 2, 3, 7)
-    again = iter([False, False, True] + [False] * 9)
+@pytest.mark.parametrize("phase", ["before", "deeds", "after", "collector"])
+@pytest.mark.parametrize("verb", ["step", "run", "reset"])
+def test_a_rule_may_neither_play_nor_reset_its_game(ctx, play, phase, verb):
+    play("a", 0, 1, 2, 3, 7)
+    ctx.game.max_turns = 3
 
-    @ctx.game.add(phase=phase)
-    def restart(ctx):
-        if next(again):
-            ctx.game.reset(9)
+    def call(ctx):
+        getattr(ctx.game, verb)()
 
-    ctx.game.run(3)
-    ctx.game.run(2)
-    ctx.game.reset()
-    assert (ctx.game.turn, agent.current_node_id, ctx.seed) == (0, 0, 9)
+    if phase == "collector":
+        ctx.game.collect("called", call)
+    else:
+        ctx.game.add(call, phase=phase)
+    wanted = rf"ctx.game.{verb} was called in the middle of a turn.*ctx.game.end"
+    with pytest.raises(IllegalMutation, match=wanted):
+        ctx.game.run()
+    with ctx.game.batch(2) as games, pytest.raises(IllegalMutation, match=wanted):
+        games.run()
 
 
 def test_a_reset_to_the_seed_it_has_changes_nothing_before_the_first_turn(grid):

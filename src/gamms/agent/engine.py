@@ -476,6 +476,11 @@ class AgentStorage(Guarded):
         return [agent for agent in self._engine._stored().values() if type(agent) is not UncreatedMembers]
 
     @property
+    def present_block(self) -> AgentBlock:
+        """The rows of the agents, also while agents decide; rows of deleted agents may not be closed up yet."""
+        return self._engine._block
+
+    @property
     def last_departure(self) -> DeletedAgent:
         """The agent that was deleted last."""
         return self._engine._last_departure

@@ -357,9 +357,7 @@ class Batch(Immutable):
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
-    def run(
-        self, max_turns: int | None = None, progress: bool = False, *, warn: bool = True, threads: int = 1
-    ) -> None:
+    def run(self, max_turns: int | None = None, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
         """Play all games to their ends, or for a number of turns, after which `run` and `step` continue them.
 
         Args:

@@ -199,7 +199,16 @@ class Game(Surface, RuleVerbs):
         # NOTE: without the decorator: a turn of two agents takes 10 us (benchmarks: turns).
         if self._phase.agent is not None:
             self._phase.refuse("call ctx.game.step")
+        self._refuse_in_turn("step")
         return self._take_turn()
+
+    def _refuse_in_turn(self, verb: str) -> None:
+        """Raise an error if a turn is being played: a rule, a collector or a drawer calls the engine."""
+        if self._turns.is_playing:
+            raise IllegalMutation(
+                f"ctx.game.{verb} was called in the middle of a turn, for example by a rule. Play and reset a game "
+                "between two turns. A rule ends it with ctx.game.end(…), and looks ahead in ctx.game.fork(seed)."
+            )
 
     def _take_turn(self) -> bool:
         state = self._state
@@ -262,8 +271,6 @@ class Game(Surface, RuleVerbs):
             self._apply_rules("before")
             if state.over is not None:
                 return
-            if not state.has_begun:  # a rule has reset the game
-                self._begin()
         self._turns.play(self._internals.after_observing, rules)
         state.turn += 1
         state.parts_played = None
@@ -302,6 +309,7 @@ class Game(Surface, RuleVerbs):
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
+        self._refuse_in_turn("run")
         turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
         last = self.max_turns if turns is None else self.turn + turns
         self._state.last_turn = last
@@ -392,8 +400,12 @@ class Game(Surface, RuleVerbs):
 
         Args:
             seed: the seed of all random streams; None repeats the game.
+
+        Raises:
+            IllegalMutation: a turn is being played.
         """
         wanted = None if seed is None else as_int(seed, "seed")
+        self._refuse_in_turn("reset")
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:

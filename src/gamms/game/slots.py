@@ -238,7 +238,7 @@ class Slots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
-        self._agents = agents
+        self._agents = agents.storage
         self.idle = idle
         self.table = table
         self._make = make
@@ -274,7 +274,7 @@ class Slots(Sequence[AgentSlot]):
     @property
     def block_now(self) -> AgentBlock:
         """The block that has the agents of the game now: in a batch, births and deaths change it."""
-        block: AgentBlock = self._agents.block
+        block: AgentBlock = self._agents.present_block
         return block
 
     @cached_property
@@ -340,7 +340,7 @@ class Slots(Sequence[AgentSlot]):
 
         twin = copy(self)
         twin._make = make
-        twin._agents = agents
+        twin._agents = agents.storage
         twin._made = [None if slot is None else copy(slot) for slot in self._made]
         for slot in twin.made():
             slot.agent = twin_of(slot.agent)
