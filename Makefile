@@ -29,7 +29,7 @@ test-core: $(VENV)/.dev
 	GAMMS_CORE_BUILD=checked $(BIN)/python setup.py --quiet build --build-lib build/checked
 	PYTHONPATH=build/checked GAMMS_CORE=compiled $(BIN)/python -m pytest -q $(CORE_TESTS)
 	GAMMS_CORE_BUILD=sanitized $(BIN)/python setup.py --quiet build --build-lib build/sanitized
-	$(SANITIZED) -m pytest -q $(CORE_TESTS)
+	$(SANITIZED) -m pytest -q $(CORE_TESTS) tests/batch/test_threads.py tests/rl/test_turns_in_core.py
 	$(SANITIZED) scripts/fuzz_calls.py --worlds 30
 	$(SANITIZED) scripts/fuzz_recordings.py --count 5000 --games 100
 

@@ -11,11 +11,12 @@ from contextvars import ContextVar
 from copy import deepcopy
 from functools import wraps
 from operator import attrgetter
+from threading import get_ident
 from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, IllegalMutation
+from gamms.errors import BadType, BadValue, IllegalMutation
 from gamms.readonly import Shareable, frozen
 from gamms.text import shown
 
@@ -51,11 +52,12 @@ class DecidePhase:
         known_names: attributes of agents that were checked for misspellings already.
         agent_kinds: class of agents -> its subclass with the attributes of this context.
         before_reading: called before reading an attribute of an agent that could be changed in place.
+        player: the identifier of the thread that plays a turn; None: no turn is played.
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "before_reading", "known_names", "moment", "owner_changes", "sensor_changes"),
-        *("setting_changes", "strategy_changes"),
+        *("agent", "agent_kinds", "before_reading", "known_names", "moment", "owner_changes", "player"),
+        *("sensor_changes", "setting_changes", "strategy_changes"),
     )
 
     def __init__(self) -> None:
@@ -64,6 +66,7 @@ class DecidePhase:
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
         self.before_reading: Callable[[], None] | None = None
+        self.player: int | None = None
         self.setting_changes = 0
         self.sensor_changes = 0
         self.owner_changes = 0
@@ -89,7 +92,12 @@ class DecidePhase:
         return deciders if phase is self else AWAITED
 
     def refuse(self, action: str) -> None:
-        """Raise IllegalMutation if a strategy is running."""
+        """Raise IllegalMutation if a strategy is running, BadValue if another thread plays a turn."""
+        if self.player is not None and self.player != get_ident() and self.agent is not AWAITED:
+            raise BadValue(
+                f"Another thread plays a turn of this game right now: it is too early to {action}. Use a context in "
+                "one thread at a time, or make one for each thread."
+            )
         if self.agent is not None:
             deciders = self._deciders()
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
@@ -137,7 +145,7 @@ class Guarded(Shareable):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             phase = getattr(self, "_phase", UNDECIDED)  # a subclass may set attributes before it begins
-            if phase.agent is not None:
+            if phase.agent is not None or phase.player is not None:
                 phase.refuse(f"set {self._called}.{name}")
         object.__setattr__(self, name, value)
 
@@ -149,7 +157,7 @@ class Guarded(Shareable):
 
     def __delattr__(self, name: str) -> None:
         """Delete an attribute; refused while a strategy is running."""
-        if name[0] != "_" and self._phase.agent is not None:
+        if name[0] != "_":
             self._phase.refuse(f"delete {self._called}.{name}")
         object.__delattr__(self, name)
 
@@ -184,7 +192,7 @@ def refused_while_deciding(method: Method) -> Method:
     @wraps(method)
     def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase
-        if phase.agent is not None:
+        if phase.agent is not None or phase.player is not None:
             phase.refuse(f"call {self._called}.{method.__name__}")
         return method(self, *args, **kwargs)
 

@@ -34,12 +34,17 @@ def progress(patience_s: float = 1.0) -> Iterator[Show]:
             terminal.flush()
 
 
+class TurnInterrupted(BaseException):
+    """Ctrl-C was pressed during a long turn, which is taken back."""
+
+
 @contextmanager
-def uninterrupted(*, at_most_once: bool = False) -> Iterator[None]:
+def uninterrupted(*, at_most_once: bool = False, on_interrupt: Callable[[], object] = lambda: None) -> Iterator[None]:
     """Delay Ctrl-C until the end of the block, so that its work is neither skipped nor repeated.
 
     Args:
         at_most_once: whether a second Ctrl-C raises immediately, because the block may take long.
+        on_interrupt: called at once with the first Ctrl-C.
     """
     before = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
     if before is None:  # Ctrl-C goes to the main thread, and perhaps not to Python
@@ -49,6 +54,8 @@ def uninterrupted(*, at_most_once: bool = False) -> Iterator[None]:
 
     def note(number: int, _: object) -> None:
         came.append(number)
+        if len(came) == 1:
+            on_interrupt()
         if at_most_once and len(came) > 1:
             came.clear()
             signal.signal(signal.SIGINT, before)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,8 @@ from batch_scenes import WALK, assert_as_alone, assert_as_played, beyond_core, p
 import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
-from gamms.game import batch as batch_games
+from gamms.game import batch_engine
+from gamms.game.block.columns import in_threads
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.rules.in_core import FORMS
 
@@ -170,25 +172,63 @@ def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():
         assert games.turn.tolist() == [2, 2, 2]
 
 
-def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):
-    monkeypatch.setattr(batch_games, "_AT_ONCE_IN_CORE", 1)
-    with GRID.batch(3) as games, GRID.batch(3) as others:
-        played = games._engine.play
-        turns = []
+@pytest.mark.parametrize("scenario", [GRID, BY_METRES, GRID.replace(channels={"radio": {"range_m": 9.0}})])
+@pytest.mark.parametrize("by_steps", [False, True])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_games_go_on_where_ctrl_c_has_stopped_them(scenario, by_steps, threads, monkeypatch):
+    """Ctrl-C is pressed when the core begins to play, in turns that are taken for long ones."""
+    pressed = []
 
-        def play(*given):
-            turns.append(played(*given))
-            if len(turns) == 4:
-                raise KeyboardInterrupt
-            return turns[-1]
+    def press(*args, **options):
+        if len(pressed) < 3 and options["waits"]:
+            pressed.append(games.turn.tolist())
+            signal.raise_signal(signal.SIGINT)
+        in_threads(*args, **options)
 
-        games._engine.play = play
-        with pytest.raises(KeyboardInterrupt):
-            games.run()
-        assert games.turn.tolist() == [4, 4, 4]
-        games.run()
+    monkeypatch.setattr(batch_engine, "in_threads", press)
+    monkeypatch.setattr(batch_engine, "_LONG_S", 0.0)
+    with scenario.batch(3) as games, scenario.batch(3) as others:
+        for _ in range(3):
+            with pytest.raises(KeyboardInterrupt):
+                games.step(threads=threads) if by_steps else games.run(threads=threads)
+            assert games.turn.tolist() == pressed[-1]
         others.run()
+        games.run()
         assert text_of(games) == text_of(others)
+
+
+def test_a_handler_of_ctrl_c_that_does_not_raise_lets_the_turn_be_played(monkeypatch):
+    came = []
+    before = signal.signal(signal.SIGINT, lambda *_: came.append(1))
+
+    def press(*args, **options):
+        if not came:
+            signal.raise_signal(signal.SIGINT)
+        in_threads(*args, **options)
+
+    monkeypatch.setattr(batch_engine, "in_threads", press)
+    try:
+        with GRID.batch(3) as games:
+            games.step()
+            assert games.turn.tolist() == [1, 1, 1]
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert came == [1]
+
+
+def test_ctrl_c_stops_a_long_turn_of_plain_strategies():
+    asked = []
+
+    def walk(state):
+        asked.append(state["name"])
+        if len(asked) == 7:
+            signal.raise_signal(signal.SIGINT)
+        state["action"] = state["legal"][0]
+
+    with GRID.batch(40, strategies={"red": walk}) as games, pytest.raises(KeyboardInterrupt):
+        games.step()
+    assert len(asked) < 12
+    assert set(games.turn.tolist()) == {0}
 
 
 @pytest.mark.parametrize("number", [-2, 6, 10**9, -(2**63)])

@@ -26,12 +26,6 @@ def swap_teams(ctx):
         agent.team = {"red": "blue", "blue": "red"}[agent.team]
 
 
-def play_turn(ctx):
-    if not ctx.game.data.get("is nested"):
-        ctx.game.data["is nested"] = True
-        ctx.game.step()
-
-
 def remove_node(ctx):
     """Remove a node that no agent and no rule needs."""
     used = {0, 24, *(agent.current_node_id for agent in ctx.game.agents), *map(ctx.game.start_node, ctx.game.agents)}
@@ -57,7 +51,6 @@ ACTS = {
     "attributes": lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
     "strategy": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", gamms.strategies.stay),
     "edge": lambda ctx: ctx.graph.graph.remove_edge(0),
-    "turn": play_turn,
     "node": remove_node,
     "boolean": lambda ctx: ctx.game.scores.update(red=True),
     "place": lambda ctx: ctx.game.scores.update(known=ctx.graph.place(1)[0]),

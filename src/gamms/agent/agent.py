@@ -94,7 +94,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             phase = self._phase
-            if phase.agent is not None:
+            if phase.agent is not None or phase.player is not None:
                 phase.refuse(f"set agent.{name}")
             if name not in phase.known_names:
                 if name == "strategy":

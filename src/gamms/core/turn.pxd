@@ -12,7 +12,7 @@ cdef class Player:
     cdef arrivals.Arrivals arrivals
     cdef rules.Rule first
     cdef bint has_rules, at_arrivals
-    cdef const i64[::1] until
+    cdef const i64[::1] until, stop
 
 
 cdef i64 DECIDE, SETTLE, MOVE

@@ -49,6 +49,7 @@ class Player:
         arrivals: moves by metres with decisions on arrival; None: not used.
         first: the first rule, if `has_rules`.
         until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
+        stop: (1,) not 0: all games stop at once, each between two turns, or before the next game of a phase.
     """
 
     def __init__(
@@ -58,7 +59,9 @@ class Player:
         at_arrivals: arrivals.Arrivals | None,
         first: rules.Rule | None,
         until: memoryview[int],
+        stop: memoryview[int],
     ) -> None:
+        self.stop = stop
         self.games = games
         self.movers = movers
         self.arrivals = at_arrivals
@@ -107,6 +110,8 @@ def play(p: Player, begin: int, end: int) -> int:
             continue
         p.movers.take_map(p.games.first_node[game])
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
+            if p.stop[0]:
+                return 0
             decide(p, game)
             move(p, game)
     return 0
@@ -116,6 +121,8 @@ def play_phases(p: Player, phase: int, begin: int, end: int) -> int:
     """Play a phase of those games from `begin` to `end - 1` whose turns are not played."""
     parts = p.movers.parts
     for game in range(begin, end):
+        if p.stop[0]:
+            return 0
         if p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             p.movers.take_map(p.games.first_node[game])
             play_phase(p, phase, game)

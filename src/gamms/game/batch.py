@@ -35,15 +35,14 @@ from gamms.game.result import Result
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
+from gamms.progress import TurnInterrupted, uninterrupted
 from gamms.progress import progress as progress_line
-from gamms.progress import uninterrupted
 from gamms.readonly import Immutable, locked
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
-_AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays between two checks for Ctrl-C
 
 
 class BatchSource(NamedTuple):
@@ -206,7 +205,8 @@ class Batch(Immutable):
     ) -> BoolArray:
         """Play one turn of all games that are not over; return a mask of the games that continue, (games,).
 
-        The first Ctrl-C takes effect after the turn; a second one interrupts the turn.
+        Ctrl-C takes effect after the turn or, in a turn that takes long, between two functions or games; then the turn
+        is taken back in all games.
 
         Args:
             actions: team -> integers, (games, agents of the team, ordered by name): the index in `state["legal"]` of
@@ -235,17 +235,31 @@ class Batch(Immutable):
 
     def _step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool = True) -> None:
         """Play one turn, and log the given actions, unless strategies that play again remember them."""
+        with self._playing():
+            is_played = False
+            while not is_played:  # Ctrl-C may do something else than to raise an error
+                is_played = self._try_step(given, threads, is_logged=is_logged)
+        self._follow()
+
+    def _interrupt(self) -> None:
+        """Stop the turns under way, if they take long; see `BatchEngine.interrupt`."""
+        self._engine.interrupt()
+
+    def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> bool:
+        """Play one turn, and log it; return whether it was played, and not interrupted and taken back."""
         before = self._engine.turns()
         is_played = False
-        with self._playing(), uninterrupted(at_most_once=True):
+        with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
             try:
                 with self._watched():
                     self._play_turn(given, threads)
                 is_played = True
+            except TurnInterrupted:
+                return False
             finally:
                 if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
                     self._note(given if is_logged else {})
-        self._follow()
+        return True
 
     def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         engine = self._engine
@@ -398,23 +412,26 @@ class Batch(Immutable):
 
     def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
-        turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         plays_by_phases = self._engine.plays_by_phases
         before = global_state() if self._engine.calls_each else None
-        while (left := self._engine.turns_left(turns)) > 0:
+        while (left := self._engine.turns_left()) > 0:
             if plays_by_phases:
                 self.step()
             else:
-                with uninterrupted(at_most_once=True):
-                    played = self._engine.play(left, threads)
-                    self._log += [{}] * played
-                    self._steps += played
+                self._try_play(left, threads)
             if show is not None:
                 self._show_progress(show)
         if before is not None and global_state() != before:
             others = [number for number in range(len(self)) if number not in self._separate]
             why = "a plain function draws from the global generators of random numbers"
             self._take_leaving(dict.fromkeys(others, why), self.turn)
+
+    def _try_play(self, most: int, threads: int) -> None:
+        """Play some turns in the core, at most `most`; none if Ctrl-C was pressed in a long turn."""
+        with uninterrupted(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
+            played = self._engine.play(most, threads)
+            self._log += [{}] * played
+            self._steps += played
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())

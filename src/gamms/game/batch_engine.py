@@ -1,8 +1,9 @@
 """Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
-from itertools import chain
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,12 +55,16 @@ from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, stra
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.progress import TurnInterrupted
 from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
 _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
+_LONG_S = 0.1  # turns that take longer can be interrupted
+_MOMENT_S = 0.2  # of several turns that are played at once
+_MOST_AT_ONCE = 10_000  # turns
 
 
 class StrategyGroup(NamedTuple):
@@ -175,17 +180,15 @@ class GamesOnOneMap:
         plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
-    def checkpoints(self, *, is_given: bool) -> Iterator[Callable[[], None]]:
-        """Yield a function that undoes all later changes, if functions may raise after rules or moves.
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        return self.state.checkpoint(self.core.moves) if self.cursor is None else self.cursor.checkpoint()
 
-        `is_given` says whether actions come from outside.
-        """
+    def needs_checkpoint(self, *, is_given: bool) -> bool:
+        """Return whether functions may raise after rules or moves; `is_given`: actions come from outside."""
         may_raise = len(self._groups) > 0 or self.state.radio is not None
         may_raise_later = (may_raise and self.core.num_parts > 1) or self.asks_at_arrivals(is_given=is_given)
-        if self.cursor is not None:
-            yield self.cursor.checkpoint()
-        elif may_raise_later or self.leaves_out:
-            yield self.state.checkpoint(self.core.moves)
+        return self.cursor is not None or may_raise_later or self.leaves_out
 
     def asks_at_arrivals(self, *, is_given: bool) -> bool:
         """Return whether functions, or actions from outside, decide for agents on arrival."""
@@ -571,6 +574,8 @@ class BatchEngine:
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
         self.stop_at: IntArray | None = None
+        self._seconds = np.inf  # that the last turn took
+        self._can_stop = False
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
         self._maps = [
@@ -671,29 +676,35 @@ class BatchEngine:
         stops += [int(self.stop_at[game])] if self.stop_at is not None else []
         return min(stops, default=None)
 
-    def turns_left(self, most: int) -> int:
-        """Return how many turns the games that are not over have left in a run, at most `most`."""
+    def turns_left(self) -> int:
+        """Return the largest number of turns that a game which is not over has left in a run."""
         playing = self.playing
         if self.stop_at is None:
-            return most if playing.any() else 0
+            return _MOST_AT_ONCE if playing.any() else 0
         left = (self.stop_at - self._state.turn)[playing]
-        return int(np.clip(left, 0, most).max(initial=0))
+        return int(np.clip(left, 0, _MOST_AT_ONCE).max(initial=0))
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def play(self, turns: int, threads: int) -> int:
-        """Play a number of turns of the games that are not over; return the largest number played.
+    def play(self, most: int, threads: int) -> int:
+        """Play some turns of the games that are not over, at most `most`; return the largest number played.
 
-        Only for games without array functions.
+        Only for games without array functions. As many turns are played as take a moment, but at least one.
+
+        Raises:
+            TurnInterrupted: Ctrl-C was pressed in a long turn, which was not played.
         """
         if self._leaves_out:  # who may be dead
             self.step({})
             return 1
         before = self._state.turn.copy()
-        last = before + turns
+        last = before + min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
         until = last if self._last is None else np.minimum(last, self._last)
-        self._play(self.playing, until * self._num_parts, None, threads)
-        return int((self._state.turn - before).max())
+        with self._interruptible(is_given=False, is_single=False):
+            self._play(self.playing, until * self._num_parts, None, threads)
+        played = int((self._state.turn - before).max())
+        self._seconds /= max(played, 1)
+        return played
 
     def step(
         self,
@@ -716,21 +727,52 @@ class BatchEngine:
         """
         playing = self.playing if only is None else only & self.playing
         leaving = self._state.leaving
-        undoing = []
-        if np.count_nonzero(~self.is_over) > 1:
-            undoing = [*chain(*(one.checkpoints(is_given=len(given) > 0) for one in self._maps))]
+        is_single = np.count_nonzero(~self.is_over) == 1
         try:
-            self._play_turn(playing, given, threads)
-            if play_others is not None:
-                play_others({**leaving})
+            with self._interruptible(is_given=len(given) > 0, is_single=is_single):
+                self._play_turn(playing, given, threads)
+                if play_others is not None:
+                    play_others({**leaving})
+        finally:
+            leaving.clear()
+
+    def interrupt(self) -> None:
+        """Stop the turns under way, if they take long and can be taken back."""
+        self._state.stop[0] = self._can_stop
+
+    @contextmanager
+    def _interruptible(self, *, is_given: bool, is_single: bool) -> Iterator[None]:
+        """Take back the turns of the block if it raises; in a single game, only if Ctrl-C has interrupted it.
+
+        Turns that take long can be interrupted; before the first turn, the time is not known.
+
+        Raises:
+            TurnInterrupted: Ctrl-C was pressed.
+        """
+        is_long = self._seconds > _LONG_S
+        needing = [] if is_single else [one for one in self._maps if one.needs_checkpoint(is_given=is_given)]
+        undoing = [one.checkpoint() for one in needing]
+        undoing_interrupted = undoing
+        if is_long and not undoing:
+            undoing_interrupted = [one.checkpoint() for one in self._maps]
+        self._can_stop = is_long
+        began = perf_counter()
+        try:
+            yield
         except NewAgents:
+            raise
+        except TurnInterrupted:
+            for undo in undoing_interrupted:
+                undo()
             raise
         except BaseException:
             for undo in undoing:
                 undo()
             raise
         finally:
-            leaving.clear()
+            self._seconds = perf_counter() - began
+            self._can_stop = False
+            self._state.stop[0] = 0
 
     def _play_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Play one turn of some games, phase by phase on all maps together."""
@@ -907,6 +949,7 @@ class BatchEngine:
             number = 0
             now = playing
             while number == 0 or now.any():
+                self._state.notice_interrupt()
                 now = self._arriving(now)
                 turned = len(self._state.turning)
                 ask(now, part)
@@ -1027,10 +1070,11 @@ class BatchEngine:
                 core.play_part(thread, begin, end, phase)
 
         self._block.give()
-        in_threads(play_part, len(until), threads)
+        in_threads(play_part, len(until), threads, waits=self._can_stop)
         for core in cores:
             core.finish()
         self._block.take_in()
+        self._state.notice_interrupt()
 
     # -- seeing -------------------------------------------------------------------------------------------------
 

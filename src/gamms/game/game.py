@@ -197,9 +197,9 @@ class Game(Surface, RuleVerbs):
             IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         # NOTE: without the decorator: a turn of two agents takes 10 us (benchmarks: turns).
-        if self._phase.agent is not None:
+        if self._phase.agent is not None or self._phase.player is not None:
             self._phase.refuse("call ctx.game.step")
-        self._refuse_in_turn("step")
+            self._refuse_in_turn("step")
         return self._take_turn()
 
     def _refuse_in_turn(self, verb: str) -> None:

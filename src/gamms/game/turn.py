@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
+from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
@@ -50,7 +51,6 @@ class TurnEngine:
 
     Attributes:
         is_deciding: whether agents are observing and deciding now.
-        is_playing: whether a turn is being played, including its rules.
         is_moving: whether agents are deciding and moving now.
         part: the number of the current part, in the order of play.
         refusals: collects refusals of rules during their checks; else None.
@@ -78,7 +78,6 @@ class TurnEngine:
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self._near: Mapping[int, tuple[int, ...]] = {}  # node -> the nodes legal along one edge, of `_order`
         self.is_deciding = False
-        self.is_playing = False
         self.is_moving = False
         self.part = 0
         self.seed_changes = 0
@@ -91,6 +90,15 @@ class TurnEngine:
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether a turn is being played, including its rules, by the thread that has set this."""
+        return self._phase.player is not None
+
+    @is_playing.setter
+    def is_playing(self, is_playing: bool) -> None:
+        self._phase.player = get_ident() if is_playing else None
 
     def order(self) -> TurnOrder:
         """Return the living agents in the order of a turn."""

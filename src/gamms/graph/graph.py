@@ -123,8 +123,9 @@ class Graph(Surface, Guarded, IGraph):
 
     def add_node(self, node_data: dict[str, Any]) -> None:
         """Add a node."""
-        if self._phase.agent is not None:  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
-            self._phase.refuse("call ctx.graph.graph.add_node")
+        phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
+        if phase.agent is not None or phase.player is not None:
+            phase.refuse("call ctx.graph.graph.add_node")
         self._store.own()
         id = records.as_id(records.required(node_data, "id", "A node"), "a node")
         x = records.as_coordinate(records.required(node_data, "x", "A node"), "x", id)
@@ -143,8 +144,9 @@ class Graph(Surface, Guarded, IGraph):
 
     def add_edge(self, edge_data: dict[str, Any]) -> None:
         """Add an edge."""
-        if self._phase.agent is not None:  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
-            self._phase.refuse("call ctx.graph.graph.add_edge")
+        phase = self._phase  # NOTE: a decorator would cost a fifth of this call (w1, one by one)
+        if phase.agent is not None or phase.player is not None:
+            phase.refuse("call ctx.graph.graph.add_edge")
         self._store.own()
         id = records.as_id(records.required(edge_data, "id", "An edge"), "an edge")
         length = records.as_length(records.required(edge_data, "length", "An edge"), id)

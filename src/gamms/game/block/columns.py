@@ -486,7 +486,7 @@ def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     return kernels.below_many(bits, num_maps)
 
 
-def in_threads(play: Callable[[int, int, int], object], games: int, threads: int) -> None:
+def in_threads(play: Callable[[int, int, int], object], games: int, threads: int, *, waits: bool = False) -> None:
     """Call `play(thread, begin, end)` for equal parts of the games, each part in its own thread.
 
     If several threads raise errors, the first one is raised after all have ended.
@@ -494,7 +494,8 @@ def in_threads(play: Callable[[int, int, int], object], games: int, threads: int
     Args:
         play: called with the number of the thread, the first game, and the end of the range.
         games: the number of games.
-        threads: the number of threads; the calling thread plays the last part.
+        threads: the number of threads; the calling thread plays the last part, unless it waits.
+        waits: whether the calling thread only waits, so that it notices Ctrl-C.
     """
     bounds = [games * part // threads for part in range(threads + 1)]
     errors: dict[int, BaseException] = {}
@@ -505,10 +506,11 @@ def in_threads(play: Callable[[int, int, int], object], games: int, threads: int
         except BaseException as error:  # noqa: BLE001 - raised below
             errors[number] = error
 
-    others = [Thread(target=play_part, args=(number,)) for number in range(threads - 1)]
+    others = [Thread(target=play_part, args=(number,)) for number in range(threads - (not waits))]
     for one in others:
         one.start()
-    play_part(threads - 1)
+    if not waits:
+        play_part(threads - 1)
     for one in others:
         one.join()
     if errors:

@@ -975,7 +975,7 @@ class CoreGames:
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
-        return turn.Player(games, movers, at_arrivals, first, self._until.data), making
+        return turn.Player(games, movers, at_arrivals, first, self._until.data, state.stop.data), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""

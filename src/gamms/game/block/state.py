@@ -27,6 +27,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import NUMBERS
 from gamms.kernels.draws import BitArray
+from gamms.progress import TurnInterrupted
 from gamms.readonly import locked
 from gamms.text import shown
 
@@ -248,6 +249,7 @@ class GameArrays:
         deed_log: the log of deeds; None: the games declare no deeds.
         radio: the channels and their messages; None: the games have no channels.
         is_apart: (games,) whether each game is played in a context of its own.
+        stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
         leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
         noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
         flights: the flying agents; None: no agent flies.
@@ -302,6 +304,7 @@ class GameArrays:
         self.events = EventLog(games, roster.names)
         self.failures: list[tuple[Failure, int]] = []
         self.is_apart = np.zeros(games, np.bool_)
+        self.stop = np.zeros(1, np.int64)
         self.leaving: dict[int, str] = {}
         self.radio: MessageTraffic | None = None
         self.deed_log: DeedLog | None = None
@@ -550,6 +553,11 @@ class GameArrays:
             self.now.clear()
 
         return undo
+
+    def notice_interrupt(self) -> None:
+        """Raise TurnInterrupted if the turn is to be taken back."""
+        if self.stop[0]:
+            raise TurnInterrupted
 
     def leave(self, games: IntArray, why: str) -> None:
         """Stop playing games in the current turn, because of what a function does in them."""

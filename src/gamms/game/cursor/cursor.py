@@ -419,6 +419,7 @@ class Cursor:
             rest = places[first:]
             for place, number in zip(rest.tolist(), self._pointed.each(games[rest]), strict=True):
                 first += 1
+                state.notice_interrupt()
                 self._show_values(number)
                 for name, of_games in facts:
                     self._facts[name] = of_games[place]

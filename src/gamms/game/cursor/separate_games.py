@@ -148,6 +148,7 @@ class SeparateGames:
     def step(self, numbers: Sequence[int], given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of some games."""
         for number in numbers:
+            self._engine.state_in(number).notice_interrupt()
             game = self.game(number)
             actor = OutsideActor(game, self._roster)
             try:

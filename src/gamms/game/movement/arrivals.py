@@ -37,6 +37,7 @@ _NO_INTS: Any = np.zeros(0, np.int64).data
 _NO_FLOATS: Any = np.zeros(0).data
 _NO_BYTES: Any = np.zeros(0, np.uint8).data
 _ENDLESS: Any = np.full(1, np.iinfo(np.int64).max).data  # turns
+_GOING: Any = np.zeros(1, np.int64).data  # a turn of one game is not interrupted in the core
 _MORE_LEGS = 2  # of a path to the next node
 
 
@@ -132,7 +133,7 @@ class ArrivingAgents:
         )
         games = rules.GameColumns(agents, 0, **{name: columns[name] for name in _OF_GAME})
         at_arrivals = self._arrivals.thread(self._movers, has_end=has_end, chosen=self.chosen.core)
-        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS)
+        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING)
         columns["part_of"][:] = array(INT64, [1]) * agents
         columns["edge"][:] = array(INT64, [-1]) * agents
         for i in members:
