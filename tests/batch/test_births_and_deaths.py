@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import GammsError
-from gamms.rules import Conflicts, contacts, reach
+from gamms.rules import Conflicts, contacts, none_left, reach, time_limit
 from gamms.scenario import Scenario
 from gamms.strategies import random_walk, stay
 
@@ -208,3 +208,49 @@ def test_an_agent_hears_once_why_it_was_stopped_on_arrival():
             ctx.agent.create_agent(name, start_node_id=node, team="red", speed=speed, strategy=circle)
         [result] = check_games(ctx, seeds=[1])
         assert sum(agent["blocked"] for agent in result.agents.values()) > 0
+
+
+@pytest.mark.parametrize("ends_with", ["the last agent deleted", "no agent ever"])
+def test_none_left_ends_the_game_of_a_team_that_had_agents(ends_with):
+    def leave_or_come(ctx):
+        if ends_with == "the last agent deleted":
+            ctx.agent.delete_agent("red")
+        elif ctx.seed == 6:  # in another game of the batch
+            ctx.agent.create_agent("late", start_node_id=2, team="green", strategy=stay)
+
+    with grid_game(3, 3, max_turns=3) as ctx:
+        ctx.agent.create_agent("red", start_node_id=0, team="red", strategy=stay)
+        ctx.agent.create_agent("blue", start_node_id=1, team="blue", strategy=stay)
+        ctx.game.add(lambda ctx: leave_or_come(ctx) if ctx.game.turn == 1 else None)
+        ctx.game.add(none_left("red" if ends_with == "the last agent deleted" else "green"))
+        results = check_games(ctx, seeds=[5, 6])
+        assert [result.turns for result in results] == ([1, 1] if ends_with == "the last agent deleted" else [3, 3])
+
+
+def test_a_team_that_is_not_in_a_game_does_not_lead_it():
+    def come(ctx):
+        ctx.game.scores["red"] = -2
+        ctx.game.scores["blue"] = -1
+        if ctx.seed == 6 and ctx.game.turn == 1:
+            ctx.agent.create_agent("late", start_node_id=2, team="green", strategy=stay)
+
+    with grid_game(3, 3) as ctx:
+        ctx.agent.create_agent("red", start_node_id=0, team="red", strategy=stay)
+        ctx.agent.create_agent("blue", start_node_id=1, team="blue", strategy=stay)
+        ctx.game.add(come)
+        ctx.game.add(time_limit(2))
+        results = check_games(ctx, seeds=[5, 6])
+        assert [result.winner for result in results] == ["blue", "green"]
+
+
+def test_an_agent_does_not_make_the_move_of_a_deleted_agent_of_its_name():
+    def replace(ctx):
+        if ctx.game.turn > 0:
+            ctx.agent.delete_agent("red")
+            ctx.agent.create_agent("red", start_node_id=4, team="red", strategy=random_walk)
+
+    with grid_game(3, 3, max_turns=4) as ctx:
+        ctx.agent.create_agent("red", start_node_id=4, team="red", strategy=random_walk)
+        ctx.game.add(replace, phase="deeds")
+        results = check_games(ctx, seeds=[5, 6])
+        assert [result.agents["red"]["node"] for result in results] == [4, 4]

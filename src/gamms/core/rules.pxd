@@ -19,6 +19,7 @@ cdef class GameColumns:
     cdef i64[::1] node, previous, stops, start, turn
     cdef const i64[::1] home, team, first_node
     cdef u8[::1] alive, placed, over
+    cdef const u8[::1] plays
     cdef double[::1] score
     cdef i64[::1] edge
     cdef double[::1] share
@@ -43,8 +44,8 @@ cpdef int respawn(GameColumns games, Events events, i64 game, i64 agent) except 
 @cython.locals(row=i64)
 cpdef int eliminate(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
-@cython.locals(best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
-cdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
+@cython.locals(first=Py_ssize_t, best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
+cdef i64 leader(GameColumns games, i64 game) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64, slot=i64)

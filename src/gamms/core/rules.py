@@ -75,6 +75,7 @@ class GameColumns:
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,) the score of each team.
         team: (agents,) the team of each agent.
+        plays: (games * teams,) 1: the team has, or had, an agent in the game.
         first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
             the open roads; 0 if there is one map.
         edge, share: (games * agents,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
@@ -98,6 +99,7 @@ class GameColumns:
         over: memoryview[int],
         score: memoryview[float],
         team: memoryview[int],
+        plays: memoryview[int],
         first_node: memoryview[int],
         edge: memoryview[int] = NO_INTS,
         share: memoryview[float] = NO_FLOATS,
@@ -116,6 +118,7 @@ class GameColumns:
         self.over = over
         self.score = score
         self.team = team
+        self.plays = plays
         self.first_node = first_node
         self.edge = edge
         self.share = share
@@ -227,28 +230,24 @@ def end_game(games: GameColumns, events: Events, game: int, rule: int, winner: i
     """
     games.over[game] = 1
     if winner == LEADER:
-        winner = leader(games.score[game * games.teams : (game + 1) * games.teams], games.nobody)
+        winner = leader(games, game)
     return events.put(game, games.turn[game], rule, END, winner, -1, -1)
 
 
-def leader(scores: memoryview[float], nobody: int = -1) -> int:
-    """Return the index of the highest score; -1 if several scores are the highest, or only one team exists.
-
-    Args:
-        scores: (teams,) the scores.
-        nobody: the index of a score to ignore; -1: none.
-    """
+def leader(games: GameColumns, game: int) -> int:
+    """Return the team with the highest score; -1 if several teams have it, or only one team plays."""
+    first = game * games.teams
     best = -1
     teams = 0
     is_alone = False
-    for team in range(len(scores)):
-        if team == nobody:
+    for team in range(games.teams):
+        if team == games.nobody or not games.plays[first + team]:
             continue
         teams += 1
-        if best < 0 or scores[team] > scores[best]:
+        if best < 0 or games.score[first + team] > games.score[first + best]:
             best = team
             is_alone = True
-        elif scores[team] == scores[best]:
+        elif games.score[first + team] == games.score[first + best]:
             is_alone = False
     return best if is_alone and teams > 1 else -1
 
@@ -1139,6 +1138,8 @@ class NoneLeftRule(Rule):
 
     def happen(self, game: int) -> int:
         """End the game if no agent of the team is alive."""
+        if not self.games.plays[game * self.games.teams + self.team]:
+            return 0
         for agent in range(self.games.agents):
             if self.games.team[agent] == self.team and self.games.alive[game * self.games.agents + agent]:
                 return 0

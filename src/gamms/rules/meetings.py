@@ -95,6 +95,7 @@ class Roster:
 
     Args:
         block: the agents.
+        gone: the teams of deleted agents.
         before: the last roster of the game.
 
     Attributes:
@@ -111,9 +112,9 @@ class Roster:
         home: (1, agents) the start nodes of agents, as far as rules read them.
     """
 
-    def __init__(self, block: AgentBlock, before: "Roster | None") -> None:
-        gone = {*block.removed}
-        rows = sorted((row for row in range(len(block)) if row not in gone), key=block.names.__getitem__)
+    def __init__(self, block: AgentBlock, gone: Iterable[Hashable], before: "Roster | None") -> None:
+        removed = {*block.removed}
+        rows = sorted((row for row in range(len(block)) if row not in removed), key=block.names.__getitem__)
         agents = len(rows)
         self.rows = np.array(rows, np.int64)
         self.names = [block.names[row] for row in rows]
@@ -121,7 +122,7 @@ class Roster:
         self.number = {name: i for i, name in enumerate(self.names)}
         self.flies = np.asarray(block.kind)[self.rows] != 0
         self.alive = np.ones(agents, np.bool_)
-        number = {team: i for i, team in enumerate(dict.fromkeys(self.teams))}
+        number = {team: i for i, team in enumerate(dict.fromkeys([*self.teams, *gone]))}
         team_of = np.array([number[team] for team in self.teams], np.int64)
         everyone = np.ones(agents, np.bool_)
         has_keys = before is not None and before.names == self.names
@@ -151,19 +152,21 @@ class Roster:
             over=memoryview(bytearray(1)),
             score=self._score,
             team=team_of.data,
+            plays=memoryview(bytes([1]) * len(number)),
             first_node=column("q", [0]),
             nobody=number.get(None, -1),
         )
 
-    def is_of(self, block: AgentBlock) -> bool:
-        """Return whether a block has these agents, with the same teams."""
+    def is_of(self, block: AgentBlock, gone: Iterable[Hashable]) -> bool:
+        """Return whether a block has these agents, with the same teams, and no more teams are gone."""
         rows = self.rows.tolist()
         if len(block) - len(block.removed) != len(rows) or (rows and max(rows) >= len(block)):
             return False
         names = [block.names[row] for row in rows]
         teams = [block.teams[row] for row in rows]
         flies = np.asarray(block.kind)[self.rows] != 0
-        return names == self.names and teams == self.teams and bool((flies == self.flies).all())
+        is_same = names == self.names and teams == self.teams and bool((flies == self.flies).all())
+        return is_same and {*self.table.teams} == {*teams, *gone}
 
     def take_lives(self, block: AgentBlock) -> None:
         """Take from the block which agents are alive."""
@@ -720,8 +723,10 @@ class GameContacts:
         agents = block, block.structure.version
         if self._agents != agents:
             roster = turns[0].roster if turns else None
-            if roster is None or not roster.is_of(block):
-                roster = Roster(block, roster)
+            ctx.game.internals.parts.turns.note_departed()
+            gone = dict.fromkeys(team for team, _ in self.state.departed.values())
+            if roster is None or not roster.is_of(block, gone):
+                roster = Roster(block, gone, roster)
                 turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
                 self._turns = turns
             roster.take_lives(block)

@@ -683,6 +683,7 @@ class CoreGames:
         block = self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
+        state.plays[game, state.roster.team_of[agent]] = True
         self._has_come[game, agent] = True
         state.start[game, agent] = -1
         if not block.takes_part[game, agent]:
@@ -929,6 +930,7 @@ class CoreGames:
             over=block.over.data,
             score=memory_of(block.score),
             team=flat(roster.team_of, np.int64),
+            plays=memory_of(state.plays),
             first_node=self._first_node.data,
             nobody=roster.teams.index(None) if None in roster.teams else -1,
             **({} if columns is None else columns.on_edges),

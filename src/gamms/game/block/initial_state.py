@@ -181,6 +181,7 @@ class InitialState:
             state.node[games[:, None], self._agents] = self._places[0]
         state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
         state.node[games[:, None], self._gone] = self._gone_at
+        state.plays[games[:, None], self._gone_teams] = True
         self._put_flights(state, games)
         for number, place in self._progress:
             if place is not None:
@@ -206,6 +207,8 @@ class InitialState:
         gone = {name: node for name, node in gone.items() if has_node(node)}
         self._gone = np.array([state.roster.names.index(name) for name in gone], np.int64)
         self._gone_at = state.streets.rows([*gone.values()])
+        teams = state.roster.teams
+        self._gone_teams = [teams.index(team) for team, _ in departed.values() if team in teams]
 
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
         """Store the poses and start positions of the flying agents."""

@@ -237,6 +237,7 @@ class GameArrays:
         start: (games, agents) the row of its start node; -1: it was not in the game at the start.
         previous: (games, agents) rows of the previous nodes; up to date where plain functions are called.
         alive: (games, agents) whether each agent is alive.
+        plays: (games, teams) whether each team has, or had, an agent in the game.
         is_there: (games, agents) whether each agent is in the game, dead or alive; the others have not entered yet.
         turn: (games,) the number of turns played.
         scores: key -> (games,) numbers.
@@ -287,6 +288,7 @@ class GameArrays:
         shape = (len(seeds), len(roster.names))
         self.start, self.node, self.previous = np.zeros((3, *shape), np.int64)
         self.alive, self.is_there = np.zeros((2, *shape), np.bool_)
+        self.plays = np.zeros((games, len(roster.teams)), np.bool_)
         self.turn = np.zeros(games, np.int64)
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
@@ -365,6 +367,8 @@ class GameArrays:
         self.previous[games] = start
         self.alive[games] = self.roster.is_first
         self.is_there[games] = self.alive[games]
+        self.plays[games] = False
+        self.plays[games[:, None], self.roster.team_of[self.roster.is_first]] = True
         self.is_going[games] = True
         self.put_roads(games, None)
         self.movement.clear(games)
@@ -427,6 +431,8 @@ class GameArrays:
 
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
+        if not self.roster.is_first.all():
+            found["plays"] = self.plays
         found.update(dict[Hashable, Any](self.numbers))
         if self.flights is not None:
             found.update(dict[Hashable, Any](self.flights.remembered))
@@ -515,6 +521,7 @@ class GameArrays:
             self.previous,
             self.alive,
             self.is_there,
+            self.plays,
             self.start,
             self.turn,
             self.stops,

@@ -193,6 +193,7 @@ class Cursor:
     _attributes_shown: list[dict[str, Any]]
     _marks: dict[int, _StreamPositions]  # of games, while agents arrive
     _part: int | None = None  # of the turn in which agents are about to move
+    _have_joined = False  # whether agents created in this part of the turn take part in it
 
     def __init__(
         self,
@@ -660,9 +661,9 @@ class Cursor:
         return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
 
     @property
-    def _moment(self) -> tuple[int, int | None]:
-        """The number of turns played, and the part in which agents are about to move; None: no part."""
-        return int(self._state.turn[self._number]), self._part
+    def _moment(self) -> tuple[int, int | None, bool]:
+        """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
+        return int(self._state.turn[self._number]), self._part, self._have_joined
 
     def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
         """Return the moves of the agents that took part."""
@@ -716,7 +717,17 @@ class Cursor:
 
     def cut_off(self, games: IntArray, part: int) -> None:
         """Keep agents in place whose path was closed in these games."""
-        self._call_each(self._cut_off, games, part=part)
+        with self._after_joining():
+            self._call_each(self._cut_off, games, part=part)
+
+    @contextmanager
+    def _after_joining(self) -> Iterator[None]:
+        """Call functions after agents that were created in this part of the turn have joined it."""
+        self._have_joined = True
+        try:
+            yield
+        finally:
+            self._have_joined = False
 
     def _cut_off(self) -> None:
         moves = self._read_field("moves")
@@ -727,7 +738,8 @@ class Cursor:
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function, in these games."""
-        self._call_each(self._give_way, games, part=part)
+        with self._after_joining():
+            self._call_each(self._give_way, games, part=part)
 
     def _give_way(self) -> None:
         moves = self._read_field("moves")
@@ -761,8 +773,12 @@ class Cursor:
             self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
 
     def _hold(self, agent: int) -> None:
-        """Cancel the move of an agent of the game that the context is pointed at."""
+        """Cancel the move of an agent of the game that the context is pointed at, and count it."""
         self._state.counts["blocked"][self._number, agent] += 1
+        self._cancel(agent)
+
+    def _cancel(self, agent: int) -> None:
+        """Cancel the move of an agent of the game that the context is pointed at."""
         self._core.hold(self._number, agent)
         if self._state.flights is not None:
             self._state.flights.hold(self._number, agent)
@@ -921,7 +937,10 @@ class Cursor:
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
             self._core.leave(number, self._number_of[name], self._pointed.departed[number][name][1])
         for agent in new:
-            self._core.enter(number, self._number_of[agent.name], agent.current_node_id)
+            place = self._number_of[agent.name]
+            self._core.enter(number, place, agent.current_node_id)
+            if self._part is not None:  # it does not make the move of a deleted agent of its name
+                self._cancel(place)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
         found = self._pointed.take_population(number)
         self._take_shown()

@@ -215,7 +215,7 @@ class PointedContext:
         self._departed_at_start = {**game.internals.state.departed}
         self.departed = [{**self._departed_at_start} for _ in range(len(state))]
         self.population_of: list[Population | None] = [None] * len(state)
-        self.moved: dict[int, tuple[tuple[int, int | None], Population]] = {}
+        self.moved: dict[int, tuple[tuple[int, int | None, bool], Population]] = {}
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
         self._own = vars(game.ctx)
         self.map = game.ctx.graph.storage

@@ -22,7 +22,7 @@ NO_DEEDS = "deeds are done where a turn begins, not at an arrival in it"
 _REASONS = {rules.KINDS.index("waits"): WAITS, rules.KINDS.index("late deed"): NO_DEEDS}
 _ARRIVE, _CHOOSE, _GO_ON = arrivals.PHASES
 _OF_GAME = (  # arguments of `GameColumns`
-    *("node", "start", "previous", "alive", "placed", "stops", "home", "turn", "over", "score", "team"),
+    *("node", "start", "previous", "alive", "placed", "stops", "home", "turn", "over", "score", "team", "plays"),
     *("first_node", "edge", "share"),
 )
 _OF_MOVERS = (  # arguments of `MetreMovers`
@@ -30,7 +30,7 @@ _OF_MOVERS = (  # arguments of `MetreMovers`
     *("speeds", "motion", "start_places", "end_places", "drawn"),
 )
 _KINDS = dict.fromkeys(
-    ("alive", "placed", "over", "takes_part", "blocked", "held"), np.dtype(np.uint8)
+    ("alive", "placed", "over", "plays", "takes_part", "blocked", "held"), np.dtype(np.uint8)
 ) | dict.fromkeys(("score", "share", "speeds"), np.dtype(np.float64))
 _INT = np.dtype(np.int64)
 _NO_INTS: Any = np.zeros(0, np.int64).data
