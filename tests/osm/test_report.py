@@ -17,7 +17,7 @@ from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.geometry import distances_to, nearest_on
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, report
-from gamms.osm.comparison import deviations
+from gamms.osm.fidelity import deviations
 from gamms.osm.network import network_of_columns
 from gamms.osm.networkx_bridge import to_digraph
 from gamms.osm.topology import consolidate, resample
