@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Access, Mode, OSMType, graph_from_file, graph_from_xml, modes, report
 from gamms.osm.network import strong_components
-from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH
+from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH
 
 NO_CUT = 1e6
 NAMES = ["walk", "robot", "bike", "drive", "drive_service"]

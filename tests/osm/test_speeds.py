@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
-from gamms.osm import graph_from_file, graph_from_xml
-from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
+from gamms.osm import graph_from_file, graph_from_xml, modes
+from gamms.osm.speeds import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
 
 
 @pytest.mark.parametrize(
@@ -25,9 +27,27 @@ from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, s
         ("DE:zone:30", 30.0),
         ("DE:zone30", 30.0),
         ("walk", 5.0),
-        ("none", 130.0),
+        ("RO:urban", 50.0),
+        ("ro: Urban", 50.0),
+        ("GB:nsl_restricted", 48.28032),
         ("50;30", 40.0),
+        ("50; 30 ;", 40.0),
         ("50|30", 40.0),
+        ("50,30", 40.0),
+        ("50, 30", 40.0),
+        ("30,5", 30.5),
+        ("30,5 mph", 30.5 * 1.609344),
+        ("30-50", 40.0),
+        ("30 \u2013 50 mph", 40.0 * 1.609344),
+        ("5 knots", 9.26),
+        ("5 Kn", 9.26),
+        ("30 MPH", 48.28032),
+        ("30 km / h", 30.0),
+        ("30 km/h.", 30.0),
+        ("10 m/s", 36.0),
+        ("['50', '30 mph']", (50.0 + 48.28032) / 2),
+        ("['30,5']", 30.5),
+        ("[50, 30]", 40.0),
         (["50", "30 mph"], (50.0 + 48.28032) / 2),
         ("50;signals", 50.0),
         (60, 60.0),
@@ -38,20 +58,38 @@ def test_a_sign_is_read(maxspeed, kph):
     assert speed_kph({"highway": "service", "maxspeed": maxspeed}) == pytest.approx(kph)
 
 
-@pytest.mark.parametrize(
-    "maxspeed", [None, "", "signals", "variable", "fast", "0", "-50", "999", "1e9", "٣٠", math.nan, True, [], {}, [[]]]
-)
+NO_SPEEDS = [None, "", "signals", "variable", "none", "DE:none", "fast", "0", "-50", "999", "1e9", "٣٠", "30 parsecs"]
+NO_SPEEDS += ["nan", math.nan, True, [], {}, [[]], "[", "[]", "[,]", ";;", 1 << 2000, 1e300]
+
+
+@pytest.mark.parametrize("maxspeed", NO_SPEEDS)
 def test_what_is_no_speed_gives_way_to_the_class_of_the_road(maxspeed):
     assert speed_kph({"highway": "residential", "maxspeed": maxspeed}) == SPEED_OF_HIGHWAY_KPH["residential"]
 
 
+@pytest.mark.parametrize(
+    ("highway", "kph"),
+    [("motorway", 130.0), ("trunk", 130.0), ("motorway_link", 60.0), ("residential", 30.0), ("living_street", 10.0)],
+)
+def test_only_on_motorways_and_trunk_roads_no_limit_means_130(highway, kph):
+    for none in ("none", "None ", "DE:none", "unlimited"):
+        assert speed_kph({"highway": highway, "maxspeed": none}) == kph
+    assert modes()["drive"]({"highway": highway, "maxspeed": "none"}).speed_kph == kph
+
+
+@given(st.text(alphabet="0123456789.,;|[]'\"-: kmphRO", max_size=20), st.sampled_from(["residential", "motorway"]))
+def test_whatever_a_sign_says_the_speed_is_possible(text, highway):
+    assert 0.0 < speed_kph({"highway": highway, "maxspeed": text}) <= 300.0
+
+
 def test_the_class_may_be_unknown_or_several():
     assert speed_kph({}) == speed_kph({"highway": "dreamway"}) == speed_kph({"highway": 3}) == UNKNOWN_SPEED_KPH
-    assert speed_kph({"highway": ["dreamway", "steps", "primary"]}) == SPEED_OF_HIGHWAY_KPH["steps"]
+    for several in (["dreamway", "steps", "primary"], "dreamway; Steps;primary", "['dreamway', 'steps', 'primary']"):
+        assert speed_kph({"highway": several}) == SPEED_OF_HIGHWAY_KPH["steps"]
 
 
 @pytest.mark.parametrize(
-    ("given", "kph"), [(12.5, 12.5), (np.int64(12), 12.0), (0, 50.0), (-1, 50.0), ("12", 50.0), (math.inf, 50.0)]
+    ("given", "kph"), [(12.5, 12.5), (np.int64(12), 12.0), (0, 50.0), (-1, 50.0), ("12", 12.0), (math.inf, 50.0)]
 )
 def test_a_given_speed_is_kept_if_it_is_one(given, kph):
     assert speed_kph({"speed_kph": given, "maxspeed": "50"}) == kph

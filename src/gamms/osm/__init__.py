@@ -8,8 +8,8 @@ writes their queries and reads their answers, `servers.py` sends and caches them
 `gamms.osm.helsinki(ctx)` uses the map that comes with the package, and needs no optional library.
 
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files; `objects.py` decides which
-objects count, and which tags they keep, and `survey.py` looks through a file first. `network.py` holds roads as
-columns, `modes.py` decides who may use them, and `areas.py` adds lines across squares.
+objects count and reads their tags, `speeds.py` reads speed limits, and `survey.py` looks through a file first.
+`network.py` holds roads as columns, `modes.py` decides who may use them, and `areas.py` adds lines across squares.
 `topology.py` simplifies, merges and cuts roads, and `networkx_bridge.py` makes the graph; `fidelity.py` compares it
 with the map. `buildings.py` makes obstacles of maps; `footprints.py` decides which things are walls, and `walls.py`
 makes their faces. `scenery.py` makes the drawn background, `elevation.py` adds heights.

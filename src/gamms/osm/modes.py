@@ -19,7 +19,8 @@ from msgspec import Meta
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.osm.network import KEPT_TAGS, OSMType, Rule, Stops, attributes_of
-from gamms.osm.networkx_bridge import is_number, signed_kph, speed_kph
+from gamms.osm.objects import number_of
+from gamms.osm.speeds import signed_kph, speed_kph
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
@@ -248,7 +249,7 @@ def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
         if not isinstance(access, Access):
             raise BadType(f"{name_of(mode)} must return an Access or None, not {shown(access)}.")
         speed, forward, backward = access
-        if not is_number(speed) or not 0.0 < speed < math.inf:
+        if not 0.0 < number_of(speed) < math.inf:
             raise BadValue(f"{name_of(mode)} gives way {osmid} the speed {shown(speed)}: it must be more than 0 km/h.")
         if not forward and not backward:
             return None

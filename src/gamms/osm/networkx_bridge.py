@@ -1,17 +1,11 @@
-"""Convert road networks from and to networkx graphs, with the speed on each road.
-
-The rules of countries are not known here. Words such as `FI:urban` stand for the same speed everywhere, and the speed
-of a road without a sign depends only on its class, not on other roads of the map as in OSMnx.
-"""
+"""Convert road networks from and to networkx graphs, with the speed on each road."""
 
 import math
-import re
 from collections.abc import Collection, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
-from itertools import chain
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,76 +15,13 @@ from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import UPRIGHT, RoadNetwork, network_of_lines
+from gamms.osm.objects import number_of
+from gamms.osm.speeds import speed_kph
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource, IPackedGraph
 
 if TYPE_CHECKING:
     import networkx as nx
-
-# Kilometers per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
-# Europe and the speed that the shape of such roads allows; ways for walkers have the pace of a walker.
-_HIGHWAYS_OF_SPEED = {
-    110.0: ("motorway",),
-    90.0: ("trunk",),
-    60.0: ("motorway_link", "primary"),
-    50.0: ("trunk_link", "primary_link", "secondary", "tertiary"),
-    40.0: ("secondary_link", "tertiary_link", "unclassified", "busway", "road"),
-    30.0: ("residential",),
-    20.0: ("service",),
-    15.0: ("track", "cycleway"),
-    10.0: ("living_street",),
-    8.0: ("bridleway",),
-    5.0: ("pedestrian", "footway", "path"),
-    4.0: ("corridor",),
-    2.0: ("steps",),
-}
-SPEED_OF_HIGHWAY_KPH: dict[str, float] = {}
-for _kph, _highways in _HIGHWAYS_OF_SPEED.items():
-    SPEED_OF_HIGHWAY_KPH.update(dict.fromkeys(_highways, _kph))
-UNKNOWN_SPEED_KPH = 30.0
-
-SPEED_OF_WORD_KPH: dict[str, float] = {  # the word after the country in values such as FI:urban
-    "motorway": 120.0,
-    "none": 130.0,
-    "trunk": 90.0,
-    "rural": 80.0,
-    "nsl_dual": 112.65408,  # 70 mph
-    "nsl_single": 96.56064,  # 60 mph
-    "urban": 50.0,
-    "bicycle_road": 30.0,
-    "living_street": 10.0,
-    "walk": 5.0,
-}
-
-_FASTEST_KPH = 300.0  # greater speeds are typing errors
-_UNITS = {"": 1.0, "km/h": 1.0, "kmh": 1.0, "kph": 1.0, "mph": 1.609344, "knots": 1.852}
-_SIGN = re.compile(r"(\d{1,4}(?:\.\d{1,4})?)\s*([a-z/]*)", re.ASCII)
-
-
-def speed_kph(tags: Mapping[str, Any]) -> float:
-    """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
-
-    Several signs (a list, or text with semicolons) give their mean; texts that are not speeds are ignored.
-    """
-    given = tags.get("speed_kph")
-    if is_number(given) and 0.0 < given < math.inf:
-        return float(given)
-    sign = signed_kph(tags)
-    if sign is not None:
-        return sign
-    known = (SPEED_OF_HIGHWAY_KPH[name] for name in _texts(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
-    return next(known, UNKNOWN_SPEED_KPH)
-
-
-def signed_kph(tags: Mapping[str, Any]) -> float | None:
-    """Return the mean of the speeds on the signs of a road in km/h; None without signs."""
-    signs = [speed for text in _texts(tags.get("maxspeed")) if (speed := _of_sign(text)) is not None]
-    return sum(signs) / len(signs) if signs else None
-
-
-def is_number(value: object) -> TypeGuard[float]:
-    """Return whether a value is a real number other than a bool."""
-    return isinstance(value, (int, float, np.integer)) and not isinstance(value, bool) and not math.isnan(value)
 
 
 def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
@@ -99,8 +30,8 @@ def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
     A way with a `travel_time` of its own keeps it; its pieces share it in proportion to their lengths.
     """
     needed = network.lengths / (speeds[network.ways] / 3.6)
-    times = [of_way.get("travel_time") for of_way in network.tags] or [None]
-    given = np.array([time if is_number(time) and 0.0 <= time < math.inf else math.nan for time in times])[network.ways]
+    times = [number_of(of_way.get("travel_time")) for of_way in network.tags] or [math.nan]
+    given = np.array([time if 0.0 <= time < math.inf else math.nan for time in times])[network.ways]
     whole = np.bincount(network.ways, weights=network.lengths, minlength=len(network.tags))[network.ways]
     share = np.where(whole > 0.0, network.lengths / np.where(whole > 0.0, whole, 1.0), 1.0)
     return np.where(np.isnan(given), needed, given * share)
@@ -120,25 +51,6 @@ def walking_factor(grade: FloatArray) -> FloatArray:
     """
     steep = np.clip(grade, -_STEEPEST, _STEEPEST)
     return np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
-
-
-def _texts(value: object) -> list[str]:
-    if isinstance(value, (list, tuple)):
-        return list(chain.from_iterable(_texts(part) for part in value))
-    if isinstance(value, str):
-        return [part.strip().lower() for part in re.split("[;|,]", value)]
-    return [str(value)] if is_number(value) else []
-
-
-def _of_sign(text: str) -> float | None:
-    word = text.rpartition(":")[2]  # the country does not matter
-    if word in SPEED_OF_WORD_KPH:
-        return SPEED_OF_WORD_KPH[word]
-    match = _SIGN.fullmatch(word.removeprefix("zone").strip())
-    if match is None or match[2] not in _UNITS:
-        return None
-    speed = float(match[1]) * _UNITS[match[2]]
-    return speed if 0.0 < speed <= _FASTEST_KPH else None
 
 
 _SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy

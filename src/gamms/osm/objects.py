@@ -1,4 +1,4 @@
-"""The objects of a map: which of them count, and which of their tags are kept.
+"""The objects of a map: which of them count, the words and numbers in their tags, and which tags are kept.
 
 The readers of files and of servers' answers both follow them, for nodes, ways and relations:
 
@@ -9,10 +9,12 @@ The readers of files and of servers' answers both follow them, for nodes, ways a
 - Anything else contradicts itself: a node at two places, or one way or relation in two forms.
 """
 
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -184,6 +186,62 @@ def is_against(oneway: object) -> bool:
 def is_one_way(oneway: object, junction: object) -> bool:
     """Return whether traffic is one-way; without a tag, only in roundabouts."""
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
+
+
+_MISSING = frozenset(("", "nan", "none", "null", "<na>"))  # also as text, in files of tables
+_ITEM = re.compile(r"""\s*(?:'([^']*)'|"([^"]*)"|([^,]*))\s*(?:,|$)""")  # of a list that was written as text
+
+
+def words_of(value: object) -> list[str]:
+    """Return the words of a value without the spaces around them, in lower case.
+
+    Texts are split at semicolons. A list gives the words of its items, also if it was written as text, as GraphML files
+    have it: "['residential', 'service']".
+    """
+    if type(value) is str and value.isidentifier() and value.islower():  # most values
+        return [value]
+    found: list[str] = []
+    for item in items_of(value):
+        if isinstance(item, (list, tuple)):
+            found += words_of(item)
+        elif isinstance(item, str) or not is_missing(item):
+            found += [word for part in _text_of(item).split(";") if (word := part.strip().lower())]
+    return found
+
+
+def items_of(value: object) -> list[Any]:
+    """Return the items of a list, also of one that was written as text; the value itself if it is not a list."""
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(plain, (list, tuple)):
+        return [*plain]
+    text = plain.strip() if isinstance(plain, str) else ""
+    if text.startswith("[") and text.endswith("]"):
+        return ["".join(parts).strip() for parts in _ITEM.findall(text[1:-1]) if any(parts)]
+    return [plain]
+
+
+def is_missing(value: object) -> bool:
+    """Return whether a value stands for none: None, NaN, an empty text, or one of these as text."""
+    if isinstance(value, str):
+        return value.strip().lower() in _MISSING
+    return value is None or (isinstance(value, float) and math.isnan(value)) or type(value).__name__ == "NAType"
+
+
+def number_of(value: object) -> float:
+    """Return a value as a number, also if it is written as text; NaN if it is not a number."""
+    if type(value).__name__ in ("bool", "bool_"):
+        return math.nan
+    try:
+        return float(value)  # type: ignore[arg-type] # the error is the check
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
+def _text_of(item: object) -> str:
+    """Return an item as text; a whole number has no decimals."""
+    if isinstance(item, str):
+        return item
+    return f"{item:.15g}" if isinstance(item, float) else shown(item)
 
 
 OWN_NAMES = frozenset(  # attributes that are not tags

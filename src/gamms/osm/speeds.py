@@ -1,0 +1,107 @@
+"""Speeds on roads in km/h: the signs of a map, and the usual speeds of classes of ways.
+
+The rules of countries are not known here. Words such as `FI:urban` stand for the same speed everywhere, and the speed
+of a road without a sign depends only on its class, not on other roads of the map as in OSMnx.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from gamms.osm.objects import number_of, words_of
+
+# Kilometers per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
+# Europe and the speed that the shape of such roads allows; ways for walkers have the pace of a walker.
+_HIGHWAYS_OF_SPEED = {
+    110.0: ("motorway",),
+    90.0: ("trunk",),
+    60.0: ("motorway_link", "primary"),
+    50.0: ("trunk_link", "primary_link", "secondary", "tertiary"),
+    40.0: ("secondary_link", "tertiary_link", "unclassified", "busway", "road"),
+    30.0: ("residential",),
+    20.0: ("service",),
+    15.0: ("track", "cycleway"),
+    10.0: ("living_street",),
+    8.0: ("bridleway",),
+    5.0: ("pedestrian", "footway", "path"),
+    4.0: ("corridor",),
+    2.0: ("steps",),
+}
+SPEED_OF_HIGHWAY_KPH: dict[str, float] = {}
+for _kph, _highways in _HIGHWAYS_OF_SPEED.items():
+    SPEED_OF_HIGHWAY_KPH.update(dict.fromkeys(_highways, _kph))
+UNKNOWN_SPEED_KPH = 30.0
+
+SPEED_OF_WORD_KPH: dict[str, float] = {  # the word after the country in values such as FI:urban
+    "motorway": 120.0,
+    "trunk": 90.0,
+    "rural": 80.0,
+    "nsl_dual": 112.65408,  # 70 mph
+    "nsl_single": 96.56064,  # 60 mph
+    "nsl_restricted": 48.28032,  # 30 mph
+    "urban": 50.0,
+    "bicycle_road": 30.0,
+    "living_street": 10.0,
+    "pedestrian_zone": 5.0,
+    "walk": 5.0,
+}
+_NO_LIMIT = frozenset(("none", "unlimited"))
+_NO_LIMIT_KPH = 130.0
+_WITHOUT_LIMIT = frozenset(("motorway", "trunk"))  # the classes of ways on which there are roads without a limit
+
+_FASTEST_KPH = 300.0  # greater speeds are typing errors
+_METRES_PER_SECOND = 3.6
+_MILE = 1.609344
+_KNOT = 1.852
+_UNITS = {  # without spaces
+    **dict.fromkeys(("", "km/h", "kmh", "kph", "kmph", "km/hr"), 1.0),
+    **dict.fromkeys(("mph", "mi/h", "mi"), _MILE),
+    **dict.fromkeys(("knots", "knot", "kn", "kt", "kts"), _KNOT),
+    "m/s": _METRES_PER_SECOND,
+}
+_NUMBER = r"\d{1,4}(?:[.,]\d{1,4})?"
+_SIGN = re.compile(rf"({_NUMBER})(?:\s*[-\u2013]\s*({_NUMBER}))?\s*([a-z][a-z/ ]*)?\.?", re.ASCII)
+_BETWEEN = re.compile(r"[|]|,(?!\d(?!\d))")  # a comma before a single digit is that of a decimal number
+
+
+def speed_kph(tags: Mapping[str, Any]) -> float:
+    """Return the speed on a road in km/h: given as `speed_kph`, signed as `maxspeed`, or usual for its `highway`.
+
+    Several signs (a list, or text with semicolons) give their mean; texts that are not speeds are ignored.
+    """
+    given = number_of(tags.get("speed_kph"))
+    if 0.0 < given < math.inf:
+        return given
+    sign = signed_kph(tags)
+    if sign is not None:
+        return sign
+    known = (SPEED_OF_HIGHWAY_KPH[name] for name in words_of(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
+    return next(known, UNKNOWN_SPEED_KPH)
+
+
+def signed_kph(tags: Mapping[str, Any]) -> float | None:
+    """Return the mean of the speeds on the signs of a road in km/h; None without signs."""
+    speeds = [speed for sign in _signs_of(tags.get("maxspeed")) for speed in _speeds_of(sign, tags)]
+    return sum(speeds) / len(speeds) if speeds else None
+
+
+def _signs_of(value: object) -> list[str]:
+    """Return the signs in a value: numbers with their units, or words."""
+    parts = (part.strip() for word in words_of(value) for part in _BETWEEN.split(word))
+    return [part for part in parts if part]
+
+
+def _speeds_of(text: str, tags: Mapping[str, Any]) -> list[float]:
+    """Return the speed on a sign, or both ends of a range; empty if the text is not a speed."""
+    word = text.rpartition(":")[2].strip()  # the country does not matter
+    if word in SPEED_OF_WORD_KPH:
+        return [SPEED_OF_WORD_KPH[word]]
+    if word in _NO_LIMIT:
+        return [_NO_LIMIT_KPH] if not _WITHOUT_LIMIT.isdisjoint(words_of(tags.get("highway"))) else []
+    match = _SIGN.fullmatch(word.removeprefix("zone").strip())
+    unit = "" if match is None or match[3] is None else match[3].replace(" ", "")
+    if match is None or unit not in _UNITS:
+        return []
+    speeds = [float(number.replace(",", ".")) * _UNITS[unit] for number in match.groups()[:2] if number is not None]
+    return [speed for speed in speeds if 0.0 < speed <= _FASTEST_KPH]
