@@ -67,7 +67,10 @@ def test_classes_of_fields_have_the_constructor_that_python_makes():
     for package, head in (
         ("gamms.typing", "Node(id: int, x: float, y: float)"),
         ("gamms.typing", "OSMEdge(id: int, source: int, target: int, length: float, linestring: Any=None)"),
-        ("gamms.osm", "Access(speed_kph: float, forward: bool=True, backward: bool=True)"),
+        (
+            "gamms.osm",
+            "Access(speed_kph: float, forward: bool=True, backward: bool=True, backward_kph: float | None=None)",
+        ),
         ("gamms.osm", "Mode(*, name: str,"),
         ("gamms.visual", "draw_id: bool=False, edge_line_points: dict[int, Any]=...)"),
     ):

@@ -34,6 +34,18 @@ def make_map(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
+@pytest.fixture(scope="session")
+def write_map(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A function like `make_map` for tests with many examples."""
+
+    def write(nodes: Nodes, *ways: MapWay) -> Path:
+        path = tmp_path_factory.mktemp("maps") / "map.osm"
+        path.write_text(map_text(nodes, list(ways)), encoding="utf-8")
+        return path
+
+    return write
+
+
 @pytest.fixture
 def cross() -> Nodes:
     """Three nodes in a row along a parallel, 55.6 m apart, and one north of the middle."""

@@ -1,12 +1,14 @@
 """Modes of travel: who may use which ways, how fast and in which direction, as data and as functions."""
 
+import copy
 import math
+import pickle
 from dataclasses import fields, replace
 
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadFile, BadType, BadValue
@@ -55,10 +57,180 @@ BOTH, ALONG, AGAINST = (True, True), (True, False), (False, True)
         (street(oneway="yes", oneway__motor_vehicle="no"), BOTH, ALONG, BOTH),
         (street(oneway__foot="yes"), ALONG, BOTH, BOTH),
         (street(oneway__foot="-1"), AGAINST, BOTH, BOTH),
+        (street(oneway=" Yes "), BOTH, ALONG, ALONG),
+        (street(Oneway="TRUE"), BOTH, ALONG, ALONG),
+        (street(oneway="perhaps", junction="roundabout"), BOTH, ALONG, ALONG),
+        (street(oneway="yes", oneway__vehicle="no"), BOTH, BOTH, BOTH),
+        (street(oneway__vehicle="yes", cycleway="opposite"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", oneway__bicycle="No "), BOTH, BOTH, ALONG),
+        (street(vehicle__forward="no"), BOTH, AGAINST, AGAINST),
+        (street(vehicle__backward="no"), BOTH, ALONG, ALONG),
+        (street(motor_vehicle__backward="no"), BOTH, BOTH, ALONG),
+        (street(motorcar__backward="private"), BOTH, BOTH, ALONG),
+        (street(foot__backward="no"), ALONG, BOTH, BOTH),
+        (street(access__backward="no"), ALONG, ALONG, ALONG),
+        (street(access__backward="No;Private "), ALONG, ALONG, ALONG),
+        (street(access__backward="no", bicycle__backward="yes"), ALONG, BOTH, ALONG),
+        (street(access="no", foot="yes", bicycle__forward="yes", motorcar__backward="yes"), BOTH, ALONG, AGAINST),
+        (street(oneway="yes", bicycle__backward="yes"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", bicycle__backward="designated"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", bicycle__backward="destination"), BOTH, ALONG, ALONG),
+        (street(oneway="-1", bicycle__forward="yes"), BOTH, BOTH, AGAINST),
+        (street(oneway="yes", motor_vehicle__backward="yes"), BOTH, ALONG, BOTH),
+        (street(oneway="yes", vehicle__backward="yes"), BOTH, ALONG, ALONG),
+        (street(oneway="yes", cycleway="lane;opposite_lane"), BOTH, BOTH, ALONG),
     ],
 )
 def test_each_mode_has_its_own_one_way_streets(tags, walk, bike, drive):
     assert [modes()[name](tags)[1:] for name in ("walk", "bike", "drive")] == [walk, bike, drive]
+
+
+@pytest.mark.parametrize(
+    ("tags", "why"),
+    [
+        (street(motor_vehicle="agricultural;forestry"), "motor_vehicle=agricultural;forestry"),
+        (street(motor_vehicle="agricultural; destination"), ""),
+        (street(access="Private"), "access=private"),
+        (street(Access="private"), "access=private"),
+        (street(access="no "), "access=no"),
+        (street(access="private;customers"), ""),
+        (street(access="no", motor_vehicle="destination"), ""),
+        (street(access="no", motor_vehicle="perhaps"), "access=no"),
+        (street(access="no", motor_vehicle="unknown"), "access=no"),
+        (street(vehicle__forward="no", vehicle__backward="no"), "vehicle:forward=no"),
+        (street(vehicle="no", vehicle__forward="destination", vehicle__backward="destination"), ""),
+        (street(oneway="yes", vehicle__forward="no"), "vehicle:forward=no"),
+        (street(oneway="-1", vehicle__backward="no"), "vehicle:backward=no"),
+        (street(area="YES"), "area=yes"),
+        (street(construction="yes;minor"), ""),
+        ({"highway": "Residential "}, ""),
+        ({"highway": "Footway"}, "highway=footway"),
+        ({"highway": "footway;residential"}, ""),
+        ({"highway": "pedestrian", "motorcar:forward": "yes"}, ""),
+        ({}, "highway=no"),
+    ],
+)
+def test_a_way_is_closed_if_each_of_its_directions_is(tags, why):
+    drive = modes()["drive"]
+    assert drive.why_closed(tags) == why
+    assert (drive(tags) is None) == bool(why)
+
+
+def test_a_gate_is_closed_however_it_is_written():
+    for closed in ({"access": "Private"}, {"Access": "no "}, {"motor_vehicle": "agricultural;forestry"}):
+        assert modes()["drive"].is_stopped_by({"barrier": "gate"} | closed)
+    assert modes()["drive"].is_stopped_by({"barrier": "Bollard "})
+    assert not modes()["drive"].is_stopped_by({"barrier": "bollard", "motorcar": "YES"})
+
+
+@pytest.mark.parametrize(
+    ("tags", "forward", "backward"),
+    [
+        (street(maxspeed__forward="30", maxspeed__backward="70"), 30, 70),
+        (street(maxspeed="50", maxspeed__backward="70"), 50, 70),
+        (street(maxspeed__forward="20"), 20, 30),
+        (street(maxspeed__forward="signals", maxspeed="50"), 50, 50),
+        (street(maxspeed="50", maxspeed__motorcar="40", maxspeed__bicycle="7"), 40, 40),
+        (street(maxspeed="50", maxspeed__forward__motor_vehicle="40"), 40, 50),
+        (street(maxspeed="50", maxspeed__vehicle__backward="20 mph"), 50, 32.18688),
+        (street(maxspeed="50", maxspeed__forward__bicycle="7"), 50, 50),
+        (street(maxspeed="50", maxspeed__hgv="30", maxspeed__conditional="30 @ wet"), 50, 50),
+        (street(**{"Maxspeed:Forward": "40"}), 40, 30),
+    ],
+)
+def test_signs_may_hold_for_one_direction_or_vehicle(tags, forward, backward):
+    access = modes()["drive"](tags)
+    assert access.speed_kph == pytest.approx(forward)
+    assert (access.speed_kph if access.backward_kph is None else access.backward_kph) == pytest.approx(backward)
+    assert modes()["walk"](tags) == Access(5.0)
+
+
+def test_bicycles_keep_to_their_own_signs():
+    bike = modes()["bike"]
+    assert bike(street(maxspeed__forward__bicycle="7")) == Access(7.0, backward_kph=15.0)
+    assert bike(street(maxspeed__bicycle="12", maxspeed="8")) == Access(12.0)
+    assert bike(street(maxspeed="8", oneway="-1", maxspeed__backward="6")) == Access(6.0, forward=False)
+
+
+def test_the_speed_of_the_way_back_is_beside_the_tuple():
+    access = Access(30.0, backward_kph=70.0)
+    speed, forward, backward = access
+    assert (speed, forward, backward) == (30.0, True, True)
+    assert repr(access) == "Access(speed_kph=30.0, forward=True, backward=True, backward_kph=70.0)"
+    assert access != Access(30.0)
+    assert access._replace(speed_kph=12.0) == Access(12.0)
+    assert pickle.loads(pickle.dumps(access)) == copy.deepcopy(access) == access
+    assert len({access, Access(30.0), Access(30.0, backward_kph=70.0)}) == 2
+
+
+def test_edges_have_the_speed_and_the_sign_of_their_direction(make_map, cross):
+    ways = ([1, 2], street(maxspeed__forward="30", maxspeed__backward="70")), ([3, 2], street(maxspeed="36"))
+    path = make_map(cross, *ways, ([4, 2], street(oneway="-1", maxspeed__backward="20", maxspeed__forward="90")))
+    wanted = {("30", 30.0): (1, 1), ("70", 70.0): (1, -1), ("36", 36.0): (1, -1), ("20", 20.0): (1, 1)}
+    for options in ({"osm_type": "drive", "strong": False}, {"bidirectional": False}):
+        graph = graph_from_file(path, NO_CUT, **options)
+        found = {(data["maxspeed"], data["speed_kph"]) for *_, data in graph.edges(data=True)}
+        assert found == set(wanted)
+        for u, v, data in graph.edges(data=True):
+            assert data["travel_time"] == pytest.approx(data["length"] / data["speed_kph"] * 3.6)
+            assert "tags:backward" not in data
+            is_east = graph.nodes[u]["x"] < graph.nodes[v]["x"]
+            assert (data["speed_kph"] == 30.0, data["speed_kph"] == 70.0) in (
+                (is_east, False),
+                (False, not is_east),
+            ) or (data["maxspeed"] in ("36", "20"))
+        assert report(graph, path).is_faithful
+    against = graph_from_file(path, NO_CUT, True, osm_type="drive")
+    assert sorted(data["speed_kph"] for *_, data in against.edges(data=True)) == [20.0, 20.0, 30.0, 36.0, 36.0, 70.0]
+
+
+DIRECTED = {
+    "oneway": ["yes", "-1", "no"],
+    "vehicle:forward": ["no"],
+    "vehicle:backward": ["no", "destination"],
+    "motorcar:backward": ["yes"],
+    "maxspeed": ["50"],
+    "maxspeed:forward": ["30", "signals"],
+    "maxspeed:motorcar:backward": ["70"],
+}
+OTHERS = {"forward": "backward", "backward": "forward", "yes": "-1", "-1": "yes"}
+
+
+def turned(tags):
+    """Return the tags of the same way, drawn from its end to its beginning."""
+    return {
+        ":".join(OTHERS.get(part, part) for part in key.split(":")): OTHERS.get(value, value)
+        if key == "oneway"
+        else value
+        for key, value in tags.items()
+    }
+
+
+def paces(path, **options):
+    """Return the heights of the ends of all edges with the speed, time and length of each; None if all is closed."""
+    try:
+        graph = graph_from_file(path, 50.0, tolerance=0.0, **options)
+    except BadFile:
+        return None
+    y = dict(graph.nodes(data="y"))
+    names = ("speed_kph", "travel_time", "length")
+    edges = [[y[u], y[v], *(data[name] for name in names)] for u, v, data in graph.edges(data=True)]
+    return np.round(sorted(edges), 6).tolist()
+
+
+@settings(max_examples=12)
+@given(st.fixed_dictionaries({}, optional={key: st.sampled_from(values) for key, values in DIRECTED.items()}))
+def test_a_way_that_is_drawn_from_its_end_is_the_same_road(write_map, tags):
+    nodes = {1: (60.17, 24.94), 2: (60.171, 24.94), 3: (60.172, 24.94)}
+    there = street() | tags
+    whole = [([1, 2, 3], there)]
+    from_its_end = [([3, 2, 1], turned(there))]
+    in_two_parts = [([1, 2], there), ([3, 2], turned(there))]
+    found = []
+    for ways in (whole, from_its_end, in_two_parts):
+        path = write_map(nodes, *ways)
+        found.append([paces(path, osm_type="drive", strong=False), paces(path, bidirectional=False)])
+    assert found[0] == found[1] == found[2]
 
 
 @pytest.mark.parametrize(
@@ -250,6 +422,21 @@ def test_the_report_names_what_is_no_road_at_all(make_map, cross):
     path = make_map(cross, ([1, 2], street()), ([2, 3], {"highway": "construction"}))
     assert [*report(graph_from_file(path), path).closed] == ["highway=construction"]
     assert report(graph_from_xml(path), path).closed == {}
+
+
+def test_the_report_counts_values_without_a_known_meaning(make_map, cross):
+    odd = street(**{"Maxspeed:Forward": "fast ", "motorcar": "perhaps;yes", "oneway": "reversible"})
+    path = make_map(cross, ([1, 2], odd), ([2, 3], street(maxspeed="signals", motorcar="perhaps")), ([2, 4], street()))
+    found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
+    counts = {"motorcar=perhaps": 2, "maxspeed:forward=fast": 1, "maxspeed=signals": 1, "oneway=reversible": 1}
+    assert found.ignored_values == counts
+    assert dict(found.rows())["not understood"].startswith(
+        "motorcar=perhaps on 2 ways, maxspeed:forward=fast on 1 ways"
+    )
+    assert found.to_dict()["ignored_values"] == counts
+    without_mode = report(graph_from_file(path, 10.0), path).ignored_values
+    assert without_mode == {name: count for name, count in counts.items() if "motorcar" not in name}
+    assert report(graph_from_file(path, 10.0, osm_type="walk"), path).ignored_values == {}
 
 
 def test_the_report_of_ones_own_mode_needs_the_mode(make_map, cross):

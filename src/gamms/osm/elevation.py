@@ -21,6 +21,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, crs_of, project
 from gamms.osm.network import RoadNetwork, components
 from gamms.osm.networkx_bridge import grades
+from gamms.osm.objects import words_of
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -199,7 +200,7 @@ def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation"
 
 def _is_structure(tags: Mapping[str, Any]) -> bool:
     """Return whether a road is on a bridge or in a tunnel."""
-    return any(str(tags.get(key, "no")) not in _AT_GROUND for key in ("bridge", "tunnel"))
+    return any(word not in _AT_GROUND for key in ("bridge", "tunnel") for word in words_of(tags.get(key)))
 
 
 def _ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray:

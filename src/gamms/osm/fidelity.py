@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
@@ -29,6 +30,7 @@ from gamms.osm.network import (
     both_ways,
     chosen_roads,
     classic_closed_rule,
+    classic_ignored_values,
     classic_rule,
     components,
     connected,
@@ -39,10 +41,11 @@ from gamms.osm.network import (
     segments_of,
 )
 from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
+from gamms.osm.objects import plain_tags
 from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
 from gamms.osm.topology import chains_of, consolidate, degrees, simplify
 from gamms.progress import progress
-from gamms.text import shown
+from gamms.text import printable_line, shown
 from gamms.typing import IGraphEngine
 
 if TYPE_CHECKING:
@@ -85,6 +88,7 @@ class Report(NamedTuple):
     across: float  # of the added lines across squares, in all parts
     conditional_ignored: int  # ways with rules for certain times only, such as access:conditional
     turn_restrictions_ignored: int
+    ignored_values: dict[str, int]  # tags for access, direction or speed that have no known meaning -> ways with them
     barriers: int  # where agents cannot pass, such as bollards on streets for cars
     filtered: float  # of open ways that the caller's filter refuses
     clipped: float  # of all ways outside of the caller's area
@@ -155,6 +159,7 @@ class Report(NamedTuple):
             *([("by filter", f"{self.filtered:,.1f} m left out")] if self.filtered else []),
             *([("outside of clip", f"{self.clipped:,.1f} m left out")] if self.clipped else []),
             ("across squares", f"{self.across:,.1f} m of lines that are on no map"),
+            *([("not understood", _in_words(self.ignored_values))] if self.ignored_values else []),
             ("barriers", f"{self.barriers:,} end roads"),
             (
                 "ignored",
@@ -192,6 +197,13 @@ class Report(NamedTuple):
         rows = self.rows()
         width = max(len(title) for title, _ in rows)
         return "\n".join(f"{title:<{width}}  {text}" for title, text in rows)
+
+
+def _in_words(counts: Mapping[str, int]) -> str:
+    """Return the first tags, with the number of ways of each."""
+    parts = [f"{tag} on {count:,} ways" for tag, count in counts.items()]
+    more = f", {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
+    return printable_line(", ".join(parts[:_MOST_NAMED])) + more
 
 
 def report(
@@ -278,6 +290,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         across=source.left_out.across_m,
         conditional_ignored=about.get("conditional", 0),
         turn_restrictions_ignored=about.get("turn_restrictions", 0),
+        ignored_values=about.get("ignored_values", {}),
         barriers=source.left_out.barriers,
         filtered=about.get("filtered", 0.0),
         clipped=about.get("clipped", 0.0),
@@ -350,8 +363,11 @@ def _selection(
     every_way = bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
     rule = classic_rule(kind, every_way=every_way)
-    strong = strong and not recipe.bidirectional
-    return RoadSelection(rule, "", retain_all, strong, closed, around_buildings=recipe.around_buildings)
+    return RoadSelection(
+        *(rule, "", retain_all, strong and not recipe.bidirectional, closed),
+        around_buildings=recipe.around_buildings,
+        ignored=classic_ignored_values,
+    )
 
 
 def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
@@ -372,19 +388,20 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
     Returns:
         source_length, clipped, filtered, closed (closing tag -> meters, largest first), conditional,
-        turn_restrictions.
+        turn_restrictions, ignored_values.
     """
     if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
         return {}
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
         closed = None if selection.closed is None else selection.closed(osmid, tags)
-        conditional = any(name.endswith(":conditional") for name in tags)
+        conditional = any(name.endswith(":conditional") for name in plain_tags(tags))
+        ignored = [] if selection.ignored is None else selection.ignored(tags)
         is_taken = selection.rule is None or closed is not None or selection.rule(osmid, tags) is not None
         why = "" if is_taken else _FILTER
         if closed is not None:
             why = closed[0]["why"]
-        return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional}, False
+        return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional, "ignored": ignored}, False
 
     with progress() as show:
         ways = read_ways(as_file(source), show, rule, areas=selection.areas)
@@ -398,7 +415,10 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
     inside = known[pieces.sources] & known[pieces.targets]
     of_ways = np.bincount(pieces.ways, weights=metres * inside, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}
+    ignored = Counter[str]()
     for piece, tags, length in zip(_pieces_of_ways(ways), ways.tags, of_ways, strict=True):
+        if length > 0.0:
+            ignored.update(set(tags["ignored"]))
         if length > 0.0 and tags["why"] and piece not in is_open:
             found[tags["why"]] = found.get(tags["why"], 0.0) + length
     return {
@@ -410,6 +430,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
             tags["conditional"] and length > 0.0 for tags, length in zip(ways.tags, of_ways, strict=True)
         ),
         "turn_restrictions": restrictions,
+        "ignored_values": dict(sorted(ignored.items(), key=lambda item: (-item[1], item[0]))),
     }
 
 

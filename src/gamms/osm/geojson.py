@@ -17,8 +17,8 @@ from gamms.ir.geometry import NearLines, nearest_on
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
-from gamms.osm.network import OsmRoads, Rule, components, offsets_of
-from gamms.osm.objects import LEAST_NODES, is_against, is_one_way
+from gamms.osm.network import OsmRoads, Rule, components, offsets_of, with_signs
+from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, plain_tags
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import why_not_plain
 from gamms.progress import Show
@@ -30,7 +30,6 @@ _NO_TAGS = frozenset(("id", "osmid", "linestring", "geometry", "length", "revers
 _WGS84 = ("CRS84", "EPSG::4326", "EPSG:4326")  # names of WGS 84 in files older than RFC 7946
 _WAY_OUT = "Give a GeoJSON file with LineString or MultiLineString geometries in longitude and latitude."
 _EAST = 180.0  # degrees
-_GDF = ("T", "F")  # values of `oneway` in Geographic Data Files: against and along
 _ID = re.compile(r"(?:way/)?(-?\d{1,18})", re.ASCII)
 _Line = list[Annotated[list[float], Meta(min_length=2)]]
 
@@ -95,7 +94,7 @@ def _ways(text: bytes) -> OsmRoads:
     tags = []
     against = []
     for number, feature in enumerate(features, 1):
-        oneway = _oneway(feature)
+        oneway = plain_tags(feature.properties or {}).get("oneway")
         for line in _lines_of(feature.geometry):
             try:
                 lonlat = _lonlat(msgspec.convert(line, _Line))
@@ -140,19 +139,6 @@ def _lonlat(line: list[list[float]]) -> "np.ndarray[Any, np.dtype[np.float64]]":
     return lonlat
 
 
-def _oneway(feature: _GeoJsonObject) -> str | None:
-    """Return the value of `oneway` as OpenStreetMap writes it; other programs use numbers, truths and capitals."""
-    given = (feature.properties or {}).get("oneway")
-    if given is None:
-        return None
-    if isinstance(given, bool):
-        return "yes" if given else "no"
-    if isinstance(given, (int, float)):
-        return f"{given:g}"
-    text = str(given).strip()
-    return text if text in _GDF else text.lower()
-
-
 def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
     """Return the properties of a feature; `osmid` is the first id with a number in it, such as way/123."""
     given = feature.properties or {}
@@ -162,8 +148,11 @@ def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
             raise ValueError(f"the property {shown(name)} of feature {number}{flaw}")
     ids = (str(id) for id in (given.get("osmid"), given.get("@id"), feature.id))
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
-    oneway = is_one_way(_oneway(feature), given.get("junction"))
-    return {"osmid": number if found is None else int(found[1]), **kept, "oneway": oneway}
+    plain = plain_tags(given)
+    oneway = plain.get("oneway")
+    tags = {"osmid": number if found is None else int(found[1]), **kept}
+    tags["oneway"] = is_one_way(oneway, plain.get("junction"))
+    return with_signs(tags, kept, against=is_against(oneway))
 
 
 # -- lines that nearly meet ---------------------------------------------------------------------------------------

@@ -53,6 +53,7 @@ from gamms.osm.network import (
     along,
     both_ways,
     classic_closed_rule,
+    classic_ignored_values,
     classic_rule,
     components,
     connected,
@@ -114,6 +115,7 @@ class RoadSelection(NamedTuple):
     clip: "Polygon | MultiPolygon | None" = None  # the area in degrees to read
     snap: float = 0.0  # meters, for GeoJSON
     around_buildings: bool = False
+    ignored: Callable[[Mapping[str, str]], list[str]] | None = None  # the tags of a way that its rule cannot read
 
 
 Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon | MultiPolygon"
@@ -266,10 +268,12 @@ def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str
         closed = None if recipe.every_way else classic_closed_rule(None)
         rule = classic_rule(None, every_way=recipe.every_way)
         chosen = RoadSelection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
+        chosen = chosen._replace(ignored=classic_ignored_values)
     else:
         rule = keeping(rule_of(mode), tags)
         stops = stops_of(mode)
         chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
+        chosen = chosen._replace(ignored=mode.ignored_values if isinstance(mode, Mode) else None)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 

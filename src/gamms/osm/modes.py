@@ -7,36 +7,80 @@ The rules are data with their sources, in `gamms/data/modes.toml`. A mode is a f
 import json
 import math
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import msgspec
 from msgspec import Meta
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
-from gamms.osm.network import KEPT_TAGS, OSMType, Rule, Stops, attributes_of
-from gamms.osm.objects import number_of
-from gamms.osm.speeds import signed_kph, speed_kph
+from gamms.osm.network import (
+    KEPT_TAGS,
+    OSMType,
+    Rule,
+    Stops,
+    attributes_of,
+    closing_tag,
+    with_directions,
+)
+from gamms.osm.objects import AGAINST, DIRECTIONS, TWO_WAY, VARYING, has_direction, number_of, plain_tags, words_of
+from gamms.osm.speeds import sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
 _GENERAL = ("vehicle", "access")  # keys that may close ways, but open none to a mode that is excluded from their class
-_OPENING = ("yes", "designated", "permissive", "official")
-_AGAINST = ("-1", "reverse", "backward")
+_OPENING = frozenset(("yes", "designated", "permissive", "official"))
+# Values of access keys that neither open nor close, unless a mode refuses them: who may pass, and for what purpose.
+_USERS = frozenset(("bus", "customers", "employees", "guests", "hov", "permit", "psv", "residents", "taxi", "visitors"))
+_PURPOSES = frozenset(("agricultural", "delivery", "destination", "emergency", "forestry", "loading", "military"))
+_NEUTRAL = _USERS | _PURPOSES | {"discouraged", "dismount", "limited", "no", "private", "use_sidepath"}
 _FASTEST_KPH = 300.0
 _TOLERANCE_M = 0.5  # if the mode does not state the width of its junctions
 
 
-class Access(NamedTuple):
-    """The access of a mode of travel to an open way."""
-
+class _Access(NamedTuple):
     speed_kph: float
     forward: bool = True  # in the order of its vertices
     backward: bool = True
+
+
+class Access(_Access):
+    """The access of a mode of travel to an open way: a tuple of its speed and its directions.
+
+    Args:
+        speed_kph: km/h.
+        forward: whether it is open in the order of its vertices.
+        backward: whether it is open against them.
+        backward_kph: km/h against the order of its vertices, if signs differ; None: `speed_kph`. This is an attribute
+            beside the tuple: `_replace(speed_kph=…)` sets one speed for both directions.
+    """
+
+    backward_kph: float | None = None
+
+    def __new__(
+        cls, speed_kph: float, forward: bool = True, backward: bool = True, backward_kph: float | None = None
+    ) -> Self:
+        """Return the access."""
+        access = super().__new__(cls, speed_kph, forward, backward)
+        access.backward_kph = backward_kph
+        return access
+
+    def __eq__(self, other: object) -> bool:
+        return super().__eq__(other) and self.backward_kph == getattr(other, "backward_kph", None)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return super().__hash__()
+
+    def __repr__(self) -> str:
+        more = "" if self.backward_kph is None else f", backward_kph={self.backward_kph}"
+        return f"Access(speed_kph={self.speed_kph}, forward={self.forward}, backward={self.backward}{more})"
 
 
 ModeFunction = Callable[[Mapping[str, str]], Access | None]
@@ -67,61 +111,169 @@ class Mode:
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""
-        if self.why_closed(tags):
+        plain = plain_tags(tags)
+        forward, backward = (not why for why in self._closing_tags(plain))
+        if not forward and not backward:
             return None
-        return Access(self.speed_kph(tags), *self._directions(tags))
+        there, back = (self.speed_kph(plain, direction) for direction in DIRECTIONS)
+        if forward and backward and there != back:
+            return Access(there, backward_kph=back)
+        return Access(there if forward else back, forward, backward)
 
     def why_closed(self, tags: Mapping[str, str]) -> str:
         """Return the tag that closes a way to this mode, such as "access=private"; empty if it is open."""
-        highway = tags.get("highway", "no")
-        never = _match(self.never, tags)
-        if never or (highway not in self.highways and highway not in self.by_permission):
-            return never or f"highway={highway}"
-        is_open, why = self._signed(tags)
-        if is_open is not None:
-            return why
-        return f"highway={highway}" if highway not in self.highways else _match(self.closed, tags)
+        plain = plain_tags(tags)
+        forward, backward = self._closing_tags(plain)
+        if not forward or not backward:
+            return ""
+        return backward if forward == self._against_traffic(plain)[0] else forward
 
     def is_stopped_by(self, tags: Mapping[str, str]) -> bool:
         """Return whether agents cannot pass a node with these tags, such as a bollard or a locked gate."""
-        is_open, _ = self._signed(tags)
-        return tags.get("barrier") in self.barriers if is_open is None else "barrier" in tags and not is_open
+        plain = plain_tags(tags)
+        barriers = words_of(plain.get("barrier"))
+        signed = self._signed(plain, "")
+        if signed.is_open is None:
+            return any(word in self.barriers for word in barriers)
+        return bool(barriers) and not signed.is_open
 
-    def _signed(self, tags: Mapping[str, str]) -> tuple[bool | None, str]:
-        """Return whether access keys open or close an object, None if neither; and the tag that closes it."""
-        key = next((key for key in self.access if tags.get(key, "unknown") != "unknown"), None)
-        if key is not None and tags[key] in self.refused:
-            return False, f"{key}={tags[key]}"
-        return (True if key is not None and key not in _GENERAL and tags[key] in _OPENING else None), ""
+    def speed_kph(self, tags: Mapping[str, str], direction: str = "") -> float:
+        """Return the speed on a way, open or not; for unlisted classes at most that of cars.
 
-    def speed_kph(self, tags: Mapping[str, str]) -> float:
-        """Return the speed on a way, open or not; for unlisted classes at most that of cars."""
-        highway = tags.get("highway", "no")
+        Args:
+            tags: of the way.
+            direction: "forward", along its vertices, or "backward"; "": by the signs for both directions.
+        """
+        plain = plain_tags(tags)
+        highway = self._class_of(plain)
         listed = self.highways.get(highway, self.by_permission.get(highway))
-        return self._speed(min(speed_kph(tags), max(self.highways.values())) if listed is None else listed, tags)
-
-    def _speed(self, usual: float, tags: Mapping[str, str]) -> float:
-        sign = None if self.maxspeed == "ignored" else signed_kph(tags)
+        usual = min(speed_kph(plain), max(self.highways.values())) if listed is None else listed
+        sign = None if self.maxspeed == "ignored" else sign_of(plain, self.vehicles, direction)
         if sign is None:
             return usual
-        return min(usual, sign) if self.maxspeed == "limit" else sign
+        return min(usual, sign.kph) if self.maxspeed == "limit" else sign.kph
 
-    def _directions(self, tags: Mapping[str, str]) -> tuple[bool, bool]:
-        key = next((key for key in self.oneway if key in tags), None)
-        if key is None:
-            along = bool(_match(self.implied_oneway, tags))
-            against = False
-        else:
-            along = tags[key] in self.oneway[key]
-            against = tags[key] in _AGAINST
-        if key in (None, "oneway") and _match(self.contraflow, tags):
-            return True, True
-        return not against, not along
+    def ignored_values(self, tags: Mapping[str, str]) -> list[str]:
+        """Return the tags for access, direction and speed with a word that the mode does not know, as "key=word"."""
+        plain = plain_tags(tags)
+        found = list[str]()
+        for key in (f"{key}{suffix}" for key in self.access for suffix in ("", *(f":{one}" for one in DIRECTIONS))):
+            found += [f"{key}={word}" for word in words_of(plain.get(key)) if not self._is_access(word)]
+        for key in self.oneway:
+            found += [f"{key}={word}" for word in words_of(plain.get(key)) if not self._is_direction(key, word)]
+            found += [f"{key}={word}" for word in words_of(plain.get(key)) if word in VARYING]
+        return found if self.maxspeed == "ignored" else [*found, *unread_signs(plain, self.vehicles)]
+
+    @property
+    def vehicles(self) -> tuple[str, ...]:
+        """The names of the mode in keys such as `maxspeed:bicycle`, the most specific first."""
+        return tuple(key for key in self.access if key != "access")
+
+    def decisive_keys(self) -> frozenset[str]:
+        """Return the keys of all tags that the mode reads."""
+        rules = (self.closed, self.never, self.implied_oneway, self.contraflow)
+        keys = {*self.access, *(key for rule in rules for key in rule)}
+        directed = {f"{key}:{direction}" for key in keys for direction in DIRECTIONS}
+        return frozenset(("highway", *keys, *directed, *self.oneway, *sign_keys(self.vehicles)))
+
+    def signs(self, tags: Mapping[str, str]) -> list[dict[str, Any]]:
+        """Return the signs of speed along the vertices of a way and against them; see `speeds.sign_in_force`."""
+        if self.maxspeed == "ignored":
+            return [{}, {}]
+        return [sign_in_force(plain_tags(tags), self.vehicles, direction) for direction in DIRECTIONS]
+
+    def _class_of(self, tags: Mapping[str, str]) -> str:
+        """Return the class of a way, of several the first that is known."""
+        classes = words_of(tags.get("highway"))
+        known = (one for one in classes if one in self.highways or one in self.by_permission)
+        return next(known, ";".join(classes) or "no")
+
+    def _closing_tags(self, tags: Mapping[str, str]) -> tuple[str, str]:
+        """Return the tags that close a way along its vertices and against them; empty where it is open."""
+        there, back = self._against_traffic(tags)
+        if has_direction(tags):
+            return self._closing_tag(tags, "forward", there), self._closing_tag(tags, "backward", back)
+        closing = self._closing_tag(tags, "", "")
+        return closing or there, closing or back
+
+    def _closing_tag(self, tags: Mapping[str, str], direction: str, against_traffic: str) -> str:
+        """Return the tag that closes a way in one direction; empty if it is open.
+
+        Args:
+            tags: of the way.
+            direction: "forward" or "backward"; "": both.
+            against_traffic: the tag by which the way is one-way in the other direction.
+        """
+        highway = self._class_of(tags)
+        never = _closed_by(self.never, tags, direction)
+        if never or (highway not in self.highways and highway not in self.by_permission):
+            return never or f"highway={highway}"
+        signed = self._signed(tags, direction)
+        if signed.is_open is False:
+            return signed.tag
+        if signed.is_open is None:
+            closing = _closed_by(self.closed, tags, direction) if highway in self.highways else f"highway={highway}"
+            return closing or against_traffic
+        return "" if signed.is_directed else against_traffic
+
+    def _signed(self, tags: Mapping[str, str], direction: str) -> "_SignedAccess":
+        """Return what access keys say about an object in one direction; "" for both."""
+        for key in self.access:
+            for name in (f"{key}:{direction}", key) if direction else (key,):
+                words = [word for word in words_of(tags.get(name)) if self._is_access(word) and word != "unknown"]
+                if not words:
+                    continue
+                tag = f"{name}={';'.join(words)}"
+                if all(word in self.refused for word in words):
+                    return _SignedAccess(False, tag)
+                is_opened = key not in _GENERAL and not _OPENING.isdisjoint(words)
+                return _SignedAccess(True if is_opened else None, tag, is_directed=name != key)
+        return _SignedAccess(None)
+
+    def _is_access(self, word: str) -> bool:
+        """Return whether a word is a known value of access keys."""
+        return word in self.refused or word in _OPENING or word in _NEUTRAL or word == "unknown"
+
+    def _against_traffic(self, tags: Mapping[str, str]) -> tuple[str, str]:
+        """Return the tags that close a one-way street along its vertices and against them; empty where it is open."""
+        signs = ((key, word) for key in self.oneway for word in words_of(tags.get(key)))
+        key, word = next(((key, word) for key, word in signs if self._is_direction(key, word)), ("", ""))
+        closing = ("", "")
+        if not key:
+            closing = ("", _tag_among(self.implied_oneway, tags))
+        elif word in self.oneway[key]:
+            closing = ("", f"{key}={word}")
+        elif word in AGAINST:
+            closing = (f"{key}={word}", "")
+        is_general = key in ("", "oneway", "oneway:vehicle")
+        return ("", "") if is_general and _tag_among(self.contraflow, tags) else closing
+
+    def _is_direction(self, key: str, word: str) -> bool:
+        """Return whether a word is a known value of a key for one-way traffic."""
+        return word in self.oneway[key] or word in AGAINST or word in TWO_WAY or word in VARYING
 
 
-def _match(rules: _Values, tags: Mapping[str, str]) -> str:
-    """Return the first tag of a way that matches the rules, as "key=value", or ""."""
-    return next((f"{key}={tags[key]}" for key, values in rules.items() if tags.get(key) in values), "")
+class _SignedAccess(NamedTuple):
+    """What access keys say about a way or a node."""
+
+    is_open: bool | None  # None: neither open nor closed
+    tag: str = ""
+    is_directed: bool = False  # whether the key names the direction
+
+
+def _closed_by(rules: _Values, tags: Mapping[str, str], direction: str) -> str:
+    """Return the first tag for a direction whose words all close a way, as "key=words", or ""."""
+    for key, values in rules.items():
+        directed = f"{key}:{direction}"
+        if closing := closing_tag(tags, directed if directed in tags else key, values):
+            return closing
+    return ""
+
+
+def _tag_among(rules: _Values, tags: Mapping[str, str]) -> str:
+    """Return the first tag that has one of these values, as "key=word", or ""."""
+    found = (f"{key}={word}" for key, values in rules.items() for word in words_of(tags.get(key)) if word in values)
+    return next(found, "")
 
 
 def modes(filepath: object = None) -> dict[str, Mode]:
@@ -236,12 +388,13 @@ def closed_rule(mode: ModeFunction) -> Rule:
     return closed
 
 
-def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
+def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
     """Return the rule for reading the ways of a mode of travel; `names` are the tags to keep."""
+    decide = _remembered(mode) if isinstance(mode, Mode) else lambda tags: (mode(tags), _NO_SIGNS)
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         try:
-            access = mode(tags)
+            access, signs = decide(tags)
         except Exception as error:
             raise BadValue(f"{name_of(mode)} failed for way {osmid}: {type(error).__name__}: {error}.") from error
         if access is None:
@@ -249,14 +402,44 @@ def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
         if not isinstance(access, Access):
             raise BadType(f"{name_of(mode)} must return an Access or None, not {shown(access)}.")
         speed, forward, backward = access
-        if not 0.0 < number_of(speed) < math.inf:
-            raise BadValue(f"{name_of(mode)} gives way {osmid} the speed {shown(speed)}: it must be more than 0 km/h.")
+        back = speed if access.backward_kph is None else access.backward_kph
+        for kph in (speed, back):
+            if not 0.0 < number_of(kph) < math.inf:
+                raise BadValue(
+                    f"{name_of(mode)} gives way {osmid} the speed {shown(kph)}: it must be more than 0 km/h."
+                )
         if not forward and not backward:
             return None
-        one_way = not (forward and backward)
-        return {**attributes_of(osmid, tags, names), "oneway": one_way, "speed_kph": float(speed)}, not forward
+        found = {**attributes_of(osmid, tags, names), "oneway": not (forward and backward)}
+        if "maxspeed" in names:
+            found = with_directions(found, signs, against=not forward)
+        speeds = [{"speed_kph": float(speed)}, {"speed_kph": float(back)}]
+        return with_directions(found, speeds, against=not forward), not forward
 
     return rule
+
+
+_MOST_KNOWN = 10_000
+_LONGEST_KNOWN = 255  # characters of a value
+_NO_SIGNS: Sequence[Mapping[str, Any]] = ({}, {})
+
+
+def _remembered(mode: Mode) -> Callable[[Mapping[str, str]], tuple[Access | None, Sequence[Mapping[str, Any]]]]:
+    """Return a function from tags to the access and the signs of a mode; it remembers answers: most ways are alike."""
+    keys = mode.decisive_keys()
+    known: dict[tuple[tuple[str, str], ...], tuple[Access | None, Sequence[Mapping[str, Any]]]] = {}
+
+    def decide(tags: Mapping[str, str]) -> tuple[Access | None, Sequence[Mapping[str, Any]]]:
+        plain = plain_tags(tags)
+        read = tuple([(key, value) for key, value in plain.items() if key in keys])
+        found = known.get(read)
+        if found is None:
+            found = mode(plain), mode.signs(plain)
+            if len(known) < _MOST_KNOWN and all(len(value) <= _LONGEST_KNOWN for _, value in read):
+                known[read] = found
+        return found
+
+    return decide
 
 
 def keeping(rule: Rule, names: Sequence[str]) -> Rule:

@@ -14,7 +14,17 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
 from gamms.osm.footprints import BuildingIndex
-from gamms.osm.objects import NodeTags, is_against, is_one_way
+from gamms.osm.objects import (
+    DIRECTIONS,
+    ONE_WAY,
+    TWO_WAY,
+    NodeTags,
+    is_against,
+    is_one_way,
+    plain_tags,
+    words_of,
+)
+from gamms.osm.speeds import CARS, sign_in_force, unread_signs
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -37,7 +47,8 @@ KEPT_TAGS = (
 )
 ONLY_HIGHWAYS = "Only ways with a highway tag are read, not railways, ferries or waterways"  # for errors
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
-UPRIGHT = ("steps", "escalator", "elevator")  # their speed already includes the climb
+BACKWARD_TAGS = "tags:backward"  # tag with the tags that hold against the traffic of a two-way road only
+_UPRIGHT = frozenset(("steps", "escalator", "elevator"))  # their speed already includes the climb
 
 
 class OSMType(Enum):
@@ -120,6 +131,11 @@ class RoadSegments:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
 
 
+def is_upright(tags: Mapping[str, Any]) -> bool:
+    """Return whether a way is stairs or an elevator."""
+    return not _UPRIGHT.isdisjoint(words_of(tags.get("highway")))
+
+
 Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
 """From the id and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
 
@@ -136,18 +152,40 @@ def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
         every_way: take all ways with a `highway` tag, as gamms 1.0.0 does for files, including planned roads.
     """
     closed = classic_closed_rule(osm_type)
-    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if every_way or not closed(osmid, tags) else None
+
+    def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        if not every_way and closed(osmid, tags):
+            return None
+        kept, against = kept_tags(osmid, tags, osm_type)
+        return with_signs(kept, tags, against=against), against
+
+    return rule
 
 
 def classic_closed_rule(osm_type: OSMType | None) -> Rule:
     """Return the rule for the ways that `classic_rule` leaves out, with the closing tag as `why`."""
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
-        rules = CLOSED_TO[osm_type].items()
-        why = next((f"{name}={tags[name]}" for name, values in rules if tags.get(name) in values), None)
+        plain = plain_tags(tags)
+        why = next(
+            (found for name, values in CLOSED_TO[osm_type].items() if (found := closing_tag(plain, name, values))), None
+        )
         return None if why is None else ({"osmid": osmid, "why": why, "oneway": False}, False)
 
     return closed
+
+
+def classic_ignored_values(tags: Mapping[str, str]) -> list[str]:
+    """Return the tags with the direction and speed of traffic that have no known meaning, as "key=word"."""
+    plain = plain_tags(tags)
+    unknown = (word for word in words_of(plain.get("oneway")) if word not in ONE_WAY | TWO_WAY)
+    return [*(f"oneway={word}" for word in unknown), *unread_signs(plain, CARS)]
+
+
+def closing_tag(tags: Mapping[str, str], name: str, values: Collection[str]) -> str:
+    """Return a tag as "key=words" if all of its words are among these values, else ""."""
+    words = words_of(tags[name]) if name in tags else []
+    return f"{name}={';'.join(words)}" if words and all(word in values for word in words) else ""
 
 
 def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
@@ -162,11 +200,57 @@ def kept_tags(
 
     The attributes are its tags under their own names, and `oneway` as a bool. Bicycles may have their own tag for it.
     """
-    rule = tags.get("oneway")
+    plain = plain_tags(tags)
+    rule = plain.get("oneway")
     if osm_type is OSMType.BIKE:
-        rule = tags.get("oneway:bicycle", rule)
-    one_way = is_one_way(rule, tags.get("junction"))
+        rule = plain.get("oneway:bicycle", rule)
+    one_way = is_one_way(rule, plain.get("junction"))
     return {**attributes_of(osmid, tags, names), "oneway": one_way}, is_against(rule)
+
+
+def with_signs(attributes: dict[str, Any], tags: Mapping[str, Any], *, against: bool) -> dict[str, Any]:
+    """Return the attributes of a way with `maxspeed` as its signs have it for cars, in each direction."""
+    plain = plain_tags(tags)
+    if not any(key.startswith("maxspeed:") for key in plain):
+        return attributes
+    signs = [sign_in_force(plain, CARS, direction) for direction in DIRECTIONS]
+    return with_directions(attributes, signs, against=against)
+
+
+def with_directions(
+    attributes: dict[str, Any], directed: Sequence[Mapping[str, Any]], *, against: bool
+) -> dict[str, Any]:
+    """Return the attributes of a way with others that hold in one direction only.
+
+    Args:
+        attributes: of the way.
+        directed: the attributes along the vertices of the way, and against them.
+        against: whether its traffic runs against the vertices.
+    """
+    first, other = reversed(directed) if against else directed
+    found = {**attributes, **first}
+    if not attributes["oneway"] and first != other:
+        back = {name: other.get(name, attributes.get(name)) for name in {**first, **other}}
+        found[BACKWARD_TAGS] = {**attributes.get(BACKWARD_TAGS, {}), **back}
+    return found
+
+
+def split_directions(tags: Sequence[Mapping[str, Any]]) -> tuple[Sequence[Mapping[str, Any]], IntArray | None]:
+    """Return the tags with a row for each direction of ways where they differ, and (ways,) the rows of the way back.
+
+    The latter are None if all ways have the same tags in both directions.
+    """
+    differing = {row: of_way[BACKWARD_TAGS] for row, of_way in enumerate(tags) if BACKWARD_TAGS in of_way}
+    if not differing:
+        return tags, None
+    rows = np.arange(len(tags))
+    rows[[*differing]] = len(tags) + np.arange(len(differing))
+    split = [*tags]
+    for row, other in differing.items():
+        own = {name: value for name, value in tags[row].items() if name != BACKWARD_TAGS}
+        split[row] = own
+        split.append({name: value for name, value in {**own, **other}.items() if value is not None})
+    return split, rows
 
 
 def segments_of(ways: OsmRoads) -> RoadSegments:
@@ -406,6 +490,7 @@ class RoadNetwork:
     ways: IntArray  # (roads,)  rows of `tags`
     tags: Sequence[Mapping[str, Any]]  # (ways,)  attributes that the roads of a way share
     crs: str | None
+    back_ways: IntArray | None = None  # (roads,)  rows of `tags` for the way back; None: as `ways`
     merged: MergedJunctions = _NOTHING
     left_out: CoverageGaps = _ALL_IN
     attribution: str | None = ATTRIBUTION
@@ -446,7 +531,15 @@ def network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]
     ends = (segments.sources, segments.targets)
     roads = network_of_lines(project(segments.lonlat, WGS84, crs), ends, {}, lengths, tags, crs)
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
-    return replace(roads, two_way=~one_way[segments.ways], ways=segments.ways, refs=segments.refs)
+    of_directions, back = split_directions(tags)
+    return replace(
+        roads,
+        two_way=~one_way[segments.ways],
+        ways=segments.ways,
+        tags=of_directions,
+        back_ways=None if back is None else back[segments.ways],
+        refs=segments.refs,
+    )
 
 
 def network_of_lines(
@@ -513,7 +606,13 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
         lengths=network.lengths[roads],
         two_way=network.two_way[roads],
         ways=network.ways[roads],
+        back_ways=None if network.back_ways is None else network.back_ways[roads],
     )
+
+
+def ways_back(network: RoadNetwork) -> IntArray:
+    """Return for each road the row of its tags on the way back."""
+    return network.ways if network.back_ways is None else network.back_ways
 
 
 def both_ways(network: RoadNetwork) -> RoadNetwork:

@@ -14,7 +14,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.network import UPRIGHT, RoadNetwork, network_of_lines
+from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
 from gamms.osm.objects import number_of
 from gamms.osm.speeds import speed_kph
 from gamms.text import shown
@@ -24,15 +24,20 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
-    """Return seconds (roads,) along each road at the speed (ways,) of its way.
+def travel_times(network: RoadNetwork, ways: IntArray, speeds: FloatArray) -> FloatArray:
+    """Return seconds (roads,) along each road.
 
     A way with a `travel_time` of its own keeps it; its pieces share it in proportion to their lengths.
+
+    Args:
+        network: the roads.
+        ways: (roads,) the rows of their tags in one direction.
+        speeds: (ways,) km/h.
     """
-    needed = network.lengths / (speeds[network.ways] / 3.6)
+    needed = network.lengths / (speeds[ways] / 3.6)
     times = [number_of(of_way.get("travel_time")) for of_way in network.tags] or [math.nan]
-    given = np.array([time if 0.0 <= time < math.inf else math.nan for time in times])[network.ways]
-    whole = np.bincount(network.ways, weights=network.lengths, minlength=len(network.tags))[network.ways]
+    given = np.array([time if 0.0 <= time < math.inf else math.nan for time in times])[ways]
+    whole = np.bincount(ways, weights=network.lengths, minlength=len(network.tags))[ways]
     share = np.where(whole > 0.0, network.lengths / np.where(whole > 0.0, whole, 1.0), 1.0)
     return np.where(np.isnan(given), needed, given * share)
 
@@ -130,8 +135,10 @@ def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColu
     known: dict[tuple[Any, ...], int] = {}  # few, while there are as many ways as roads
     rows = [known.setdefault(tuple(of_way.get(name) for name in names), len(known)) for of_way in network.tags]
     tags = [dict(zip(names, values, strict=True)) for values in known]
-    ways = np.array(rows, np.int64)[network.ways]
-    return to_columns(replace(network, tags=tags, ways=ways, refs=None, tunnels=None, z=None)), about
+    codes = np.array(rows, np.int64)
+    back = None if network.back_ways is None else codes[network.back_ways]
+    bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back, refs=None, tunnels=None, z=None)
+    return to_columns(bare), about
 
 
 def to_columns(network: RoadNetwork, *, has_parallels: bool = False) -> GraphColumns:
@@ -196,7 +203,7 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
             if name not in _RESERVED:
                 given.setdefault(name, {})[way] = _copy(value)
         given.setdefault("speed_kph", {})[way] = speeds[way]
-    ways = network.ways[roads]
+    ways = _ways_of(network, roads, is_back)
     code_of_way = np.empty(len(network.tags), np.int64)
     columns: dict[str, CodedValues] = {}
     for name, by_way in given.items():
@@ -213,16 +220,25 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
     return {**columns, **{name: _one_each(every, values) for name, values in paces.items()}}
 
 
+def _ways_of(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> IntArray:
+    """Return the rows of the tags of these roads, forward or back."""
+    there = network.ways[roads]
+    return there if network.back_ways is None else np.where(is_back, network.back_ways[roads], there)
+
+
 def _paces(network: RoadNetwork, speeds: list[float], roads: IntArray, is_back: BoolArray) -> dict[str, FloatArray]:
     """Return the `travel_time` of each of these roads, forward or back, and its `grade` if nodes have heights."""
-    times = travel_times(network, np.array(speeds, np.float64))[roads]
+    times = travel_times(network, network.ways, np.array(speeds, np.float64))[roads]
+    if network.back_ways is not None:
+        back = travel_times(network, network.back_ways, np.array(speeds, np.float64))[roads]
+        times = np.where(is_back, back, times)
     if network.z is None:
         return {"travel_time": times}
     ends = np.column_stack((network.sources, network.targets))
     grade = grades(network.z, ends, network.lengths)[roads]
     grade = np.where(is_back, -grade, grade)
-    is_upright = np.array([of_way.get("highway") in UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
-    factor = np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
+    are_upright = np.array([is_upright(of_way) for of_way in network.tags], np.bool_)[network.ways][roads]
+    factor = np.where(are_upright | (not network.is_walked), 1.0, walking_factor(grade))
     return {"travel_time": times * factor, "grade": grade}
 
 

@@ -26,8 +26,6 @@ from gamms.text import shown
 
 LEAST_NODES = 2  # of a way
 _NO_VERSION = -1  # of an object that is deleted
-_ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
-_AGAINST = ("-1", "reverse", "T")
 _KEEP_ONE = "Keep the one that is right"
 
 
@@ -136,7 +134,8 @@ class WayRules:
 
 def is_one_way_street(tags: Mapping[str, str]) -> bool:
     """Return whether traffic on a way with these tags is one-way."""
-    return is_one_way(tags.get("oneway"), tags.get("junction"))
+    plain = plain_tags(tags)
+    return is_one_way(plain.get("oneway"), plain.get("junction"))
 
 
 class _WayPieces:
@@ -178,18 +177,34 @@ def check_members(id: int, members: Sequence[Member], known: Sequence[Member]) -
 # -- tags -------------------------------------------------------------------------------------------------------
 
 
+DIRECTIONS = ("forward", "backward")  # along the vertices of a way, and against them
+# Words of `oneway`, also of other programs. T and F of Geographic Data Files are words in capitals only.
+AGAINST = frozenset(("-1", "-1.0", "reverse", "backward", "tf"))
+ONE_WAY = AGAINST | {"yes", "true", "1", "1.0", "forward", "ft"}
+TWO_WAY = frozenset(("no", "false", "0", "0.0"))
+VARYING = frozenset(("reversible", "alternating"))  # two-way here
+_WORD_OF_GDF = {"T": "-1", "F": "yes"}
+_MISSING = frozenset(("", "nan", "none", "null", "<na>"))  # also as text, in files of tables
+_ITEM = re.compile(r"""\s*(?:'([^']*)'|"([^"]*)"|([^,]*))\s*(?:,|$)""")  # of a list that was written as text
+
+
 def is_against(oneway: object) -> bool:
     """Return whether the traffic of a one-way road runs against the order of its vertices."""
-    return oneway in _AGAINST
+    return not AGAINST.isdisjoint(_words_of_oneway(oneway))
 
 
 def is_one_way(oneway: object, junction: object) -> bool:
-    """Return whether traffic is one-way; without a tag, only in roundabouts."""
-    return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
+    """Return whether traffic is one-way; without a word that is known, only in roundabouts."""
+    words = _words_of_oneway(oneway)
+    if not ONE_WAY.isdisjoint(words):
+        return True
+    is_known = any(word in TWO_WAY or word in VARYING for word in words)
+    return not is_known and "roundabout" in words_of(junction)
 
 
-_MISSING = frozenset(("", "nan", "none", "null", "<na>"))  # also as text, in files of tables
-_ITEM = re.compile(r"""\s*(?:'([^']*)'|"([^"]*)"|([^,]*))\s*(?:,|$)""")  # of a list that was written as text
+def _words_of_oneway(value: object) -> list[str]:
+    text = value.strip() if isinstance(value, str) else ""
+    return words_of(_WORD_OF_GDF.get(text, value))
 
 
 def words_of(value: object) -> list[str]:
@@ -198,7 +213,9 @@ def words_of(value: object) -> list[str]:
     Texts are split at semicolons. A list gives the words of its items, also if it was written as text, as GraphML files
     have it: "['residential', 'service']".
     """
-    if type(value) is str and value.isidentifier() and value.islower():  # most values
+    if value is None:
+        return []
+    if type(value) is str and (value.isdecimal() or (value.isidentifier() and value.islower())):  # most values
         return [value]
     found: list[str] = []
     for item in items_of(value):
@@ -207,6 +224,21 @@ def words_of(value: object) -> list[str]:
         elif isinstance(item, str) or not is_missing(item):
             found += [word for part in _text_of(item).split(";") if (word := part.strip().lower())]
     return found
+
+
+def plain_tags(tags: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return tags with their keys in lower case and without spaces around them; an exact key comes first."""
+    keys = "".join(tags)
+    if keys.islower() and len(keys.split(None, 1)) == 1:  # most maps: no key has a space
+        return tags
+    plain = {key.strip().lower(): value for key, value in tags.items()}
+    plain.update((key, tags[key]) for key in plain if key in tags)
+    return plain
+
+
+def has_direction(tags: Mapping[str, Any]) -> bool:
+    """Return whether a tag holds for one direction of a way, such as `vehicle:forward`."""
+    return any(":forward" in key or ":backward" in key for key in tags)
 
 
 def items_of(value: object) -> list[Any]:

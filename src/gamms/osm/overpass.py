@@ -34,8 +34,10 @@ from gamms.osm.network import (
     network_of_segments,
     offsets_of,
     segments_of,
+    with_directions,
 )
 from gamms.osm.objects import (
+    DIRECTIONS,
     LEAST_NODES,
     Member,
     NodeTags,
@@ -242,9 +244,7 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
         if of_way is None and way.id in rims:
             of_way = rims[way.id], False
         if of_way is None and (rule is None or options.custom_filter):
-            of_way = kept_tags(way.id, way.tags, options.osm_type, names)
-            if isinstance(speeds, Mode):
-                of_way[0]["speed_kph"] = speeds.speed_kph(way.tags)
+            of_way = _classic_way(way, options.osm_type, names, speeds)
         if of_way is not None:
             rows_of.setdefault(way.id, []).append(len(lines))
             read.append(of_way)
@@ -262,6 +262,17 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
     ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
     return ways if rule is None else with_areas(ways, rows_of, squares)
+
+
+def _classic_way(
+    way: "_Way", osm_type: OSMType, names: Sequence[str], speeds: ModeFunction
+) -> tuple[dict[str, Any], bool]:
+    """Return the result of `kept_tags` for a way, with the speeds of a mode."""
+    kept, against = kept_tags(way.id, way.tags, osm_type, names)
+    if not isinstance(speeds, Mode):
+        return kept, against
+    kph = [{"speed_kph": speeds.speed_kph(way.tags, direction)} for direction in DIRECTIONS]
+    return with_directions(kept, kph, against=against), against
 
 
 def _rings(found: "_OverpassElements") -> Iterator[tuple[int, dict[str, str], list[int]]]:

@@ -1,4 +1,4 @@
-"""Speeds on roads in km/h: the signs of a map, and the usual speeds of classes of ways.
+"""Speeds on roads in km/h: the signs of a map, for one direction of traffic, and the usual speeds of classes of ways.
 
 The rules of countries are not known here. Words such as `FI:urban` stand for the same speed everywhere, and the speed
 of a road without a sign depends only on its class, not on other roads of the map as in OSMnx.
@@ -6,10 +6,11 @@ of a road without a sign depends only on its class, not on other roads of the ma
 
 import math
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
 
-from gamms.osm.objects import number_of, words_of
+from gamms.osm.objects import DIRECTIONS, number_of, words_of
 
 # Kilometers per hour on a road without a sign. Our own round numbers for free traffic, between the limits usual in
 # Europe and the speed that the shape of such roads allows; ways for walkers have the pace of a walker.
@@ -50,6 +51,7 @@ _NO_LIMIT = frozenset(("none", "unlimited"))
 _NO_LIMIT_KPH = 130.0
 _WITHOUT_LIMIT = frozenset(("motorway", "trunk"))  # the classes of ways on which there are roads without a limit
 
+CARS = ("motorcar", "motor_vehicle", "vehicle")  # names of a car in keys such as maxspeed:motorcar
 _FASTEST_KPH = 300.0  # greater speeds are typing errors
 _METRES_PER_SECOND = 3.6
 _MILE = 1.609344
@@ -73,17 +75,63 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
     given = number_of(tags.get("speed_kph"))
     if 0.0 < given < math.inf:
         return given
-    sign = signed_kph(tags)
+    sign = sign_of(tags)
     if sign is not None:
-        return sign
+        return sign.kph
     known = (SPEED_OF_HIGHWAY_KPH[name] for name in words_of(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
     return next(known, UNKNOWN_SPEED_KPH)
 
 
-def signed_kph(tags: Mapping[str, Any]) -> float | None:
-    """Return the mean of the speeds on the signs of a road in km/h; None without signs."""
-    speeds = [speed for sign in _signs_of(tags.get("maxspeed")) for speed in _speeds_of(sign, tags)]
-    return sum(speeds) / len(speeds) if speeds else None
+class Sign(NamedTuple):
+    """The signs under one key."""
+
+    key: str
+    kph: float  # of several signs the mean
+
+
+def sign_of(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: str = "") -> Sign | None:
+    """Return the most specific signs of a road that give a speed; None without such signs.
+
+    Args:
+        tags: of the road.
+        vehicles: the names of the vehicle in keys such as `maxspeed:motorcar`, the most specific first.
+        direction: "forward", "backward", or "" for signs that hold in both directions.
+    """
+    for key in _keys(tuple(vehicles), direction):
+        signs = _signs_of(tags[key]) if key in tags else []
+        speeds = [speed for sign in signs for speed in _speeds_of(sign, tags)]
+        if speeds:
+            return Sign(key, sum(speeds) / len(speeds))
+    return None
+
+
+def sign_in_force(tags: Mapping[str, Any], vehicles: Sequence[str], direction: str) -> dict[str, Any]:
+    """Return the signs that hold for a vehicle in one direction as the tag `maxspeed`; empty if `maxspeed` has them."""
+    sign = sign_of(tags, vehicles, direction)
+    return {} if sign is None or sign.key == "maxspeed" else {"maxspeed": tags[sign.key]}
+
+
+def unread_signs(tags: Mapping[str, Any], vehicles: Sequence[str] = CARS) -> Iterator[str]:
+    """Yield the signs for a vehicle that give no speed, as "key=word"."""
+    for key in sign_keys(vehicles):
+        if key in tags:
+            yield from (f"{key}={word}" for word in _signs_of(tags[key]) if not _speeds_of(word, tags))
+
+
+def sign_keys(vehicles: Sequence[str]) -> list[str]:
+    """Return the keys of all signs for a vehicle."""
+    return [*dict.fromkeys(key for direction in DIRECTIONS for key in _keys(tuple(vehicles), direction))]
+
+
+@cache
+def _keys(vehicles: tuple[str, ...], direction: str) -> tuple[str, ...]:
+    """Return the keys of the signs for a vehicle in one direction, the most specific first."""
+    keys: list[str] = []
+    for vehicle in vehicles:
+        if direction:
+            keys += [f"maxspeed:{vehicle}:{direction}", f"maxspeed:{direction}:{vehicle}"]
+        keys.append(f"maxspeed:{vehicle}")
+    return (*keys, f"maxspeed:{direction}", "maxspeed") if direction else (*keys, "maxspeed")
 
 
 def _signs_of(value: object) -> list[str]:

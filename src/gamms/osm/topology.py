@@ -14,18 +14,20 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, project
 from gamms.limits import refuse_above
 from gamms.osm.network import (
-    UPRIGHT,
     RoadNetwork,
     along,
     chosen_roads,
     components,
+    is_upright,
     moved_ends,
     offsets_of,
     reversed_points,
     segment_starts,
+    ways_back,
 )
+from gamms.osm.objects import words_of
 
-_NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the side, or above the ground
+_NO_TUNNELS = {"building_passage", "avalanche_protector"}  # open to the side, or above the ground
 _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
 _REACH = 2.0  # tolerances: circles of this radius around two nodes touch, as in OSMnx
 _MOST_FLOORS = 62  # pairs of layer and level that are distinguished on one map
@@ -59,7 +61,12 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         lengths=np.add.reduceat(walked.lengths, begins),
         two_way=walked.two_way[begins],
     )
-    return without_unused_nodes(_with_joined_tags(joined, walked.ways, begins))
+    there = walked.ways
+    back = None
+    if walked.back_ways is not None:
+        there = np.where(backward, walked.back_ways, walked.ways)
+        back = np.where(backward, walked.ways, walked.back_ways)
+    return without_unused_nodes(_with_joined_tags(joined, there, back, begins))
 
 
 def tunnels_of(network: RoadNetwork) -> IntArray:
@@ -81,9 +88,11 @@ def tunnels_of(network: RoadNetwork) -> IntArray:
 
 
 def _is_underground(tags: Mapping[str, Any]) -> bool:
-    tunnel = str(tags.get("tunnel", "no"))
-    layer = str(tags.get("layer", "0"))
-    return tunnel not in _NO_TUNNELS or (tunnel == "no" and _BELOW.fullmatch(layer) is not None)
+    tunnels = {*words_of(tags.get("tunnel"))} - {"no"}
+    layers = words_of(tags.get("layer"))
+    if tunnels:
+        return not tunnels <= _NO_TUNNELS
+    return bool(layers) and all(_BELOW.fullmatch(layer) for layer in layers)
 
 
 def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
@@ -110,8 +119,13 @@ def _partners(network: RoadNetwork) -> IntArray:
     # Ways that differ only in their id have equal numbers.
     tags = ([(name, value) for name, value in of_way.items() if name != "osmid"] for of_way in network.tags)
     known: dict[str, int] = {}
-    kind = np.array([known.setdefault(repr(sorted(one)), len(known)) for one in tags], np.int64)[network.ways]
-    alike = (kind[a >> 1] == kind[b >> 1]) & (network.two_way[a >> 1] == network.two_way[b >> 1])
+    kind = np.array([known.setdefault(repr(sorted(one)), len(known)) for one in tags], np.int64)
+    there = kind[network.ways]
+    back = kind[ways_back(network)]
+    leaving = np.column_stack((back, there)).ravel()  # (ends,) of the traffic that leaves the road at this end
+    entering = np.column_stack((there, back)).ravel()
+    alike = (leaving[a] == entering[b]) & (entering[a] == leaving[b])
+    alike &= network.two_way[a >> 1] == network.two_way[b >> 1]
     onward = network.two_way[a >> 1] | ((a & 1) != (b & 1))
     joined = alike & onward & (a >> 1 != b >> 1)
     partners = np.full(len(nodes), -1)
@@ -149,25 +163,32 @@ def _walk(end: int, partners: list[int], seen: bytearray) -> list[int]:
     return walk
 
 
-def _with_joined_tags(network: RoadNetwork, ways: IntArray, begins: IntArray) -> RoadNetwork:
+def _with_joined_tags(network: RoadNetwork, there: IntArray, back: IntArray | None, begins: IntArray) -> RoadNetwork:
     """Give roads that were joined from several ways tags of their own: the tags of the first, the ids of all.
 
     Args:
         network: the joined roads.
-        ways: (pieces,) of the pieces of road.
+        there: (pieces,) rows of the tags of the pieces of road, in the direction of the joined road.
+        back: (pieces,) in the other direction; None: as `there`.
         begins: (roads,) the first piece of each.
     """
-    of_road = ways[begins]
     tags = [*network.tags]
+    ways = _joined_rows(tags, there, begins)
+    return replace(network, ways=ways, back_ways=None if back is None else _joined_rows(tags, back, begins), tags=tags)
+
+
+def _joined_rows(tags: list[Mapping[str, Any]], ways: IntArray, begins: IntArray) -> IntArray:
+    """Return the row of the tags of each road, after adding rows for roads that were joined from several ways."""
+    of_road = ways[begins]
     if not len(begins):
-        return replace(network, ways=of_road)
+        return of_road
     ends = np.append(begins[1:], len(ways))
     for road in np.flatnonzero(np.minimum.reduceat(ways, begins) != np.maximum.reduceat(ways, begins)).tolist():
-        ids = list(dict.fromkeys(network.tags[way].get("osmid") for way in ways[begins[road] : ends[road]].tolist()))
+        ids = list(dict.fromkeys(tags[way].get("osmid") for way in ways[begins[road] : ends[road]].tolist()))
         if len(ids) > 1:
-            tags.append({**network.tags[of_road[road]], "osmid": ids})
+            tags.append({**tags[of_road[road]], "osmid": ids})
             of_road[road] = len(tags) - 1
-    return replace(network, ways=of_road, tags=tags)
+    return of_road
 
 
 class RoadChains(NamedTuple):
@@ -294,7 +315,7 @@ def degrees(network: RoadNetwork) -> IntArray:
 def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
     """Return a mask of roads that are stairs, elevators, bridges or tunnels, passages through buildings included."""
     ways = [
-        tags.get("highway") in UPRIGHT or any(tags.get(name, "no") != "no" for name in ("bridge", "tunnel"))
+        is_upright(tags) or any({*words_of(tags.get(name))} - {"no"} for name in ("bridge", "tunnel"))
         for tags in network.tags
     ]
     return np.array(ways, np.bool_)[network.ways]
@@ -308,7 +329,7 @@ def _floors(network: RoadNetwork) -> IntArray:
     """
     ways_on: dict[tuple[str, ...], list[int]] = {}
     for way, tags in enumerate(network.tags):
-        if tags.get("highway") not in UPRIGHT:
+        if not is_upright(tags):
             for floor in product(*(str(tags.get(name, 0)).split(";") for name in ("layer", "level"))):
                 ways_on.setdefault(floor, []).append(way)
     once = np.zeros(len(network.xy), np.int64)
@@ -435,6 +456,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
         lengths=np.repeat(network.lengths / counts, counts),
         two_way=np.repeat(network.two_way, counts),
         ways=np.repeat(network.ways, counts),
+        back_ways=None if network.back_ways is None else np.repeat(network.back_ways, counts),
     )
 
 
