@@ -277,9 +277,12 @@ def test_a_distance_to_snap_that_is_none_is_refused(write, snap, error):
 @pytest.mark.parametrize(
     ("oneway", "directions"),
     [
-        *((value, [True]) for value in (1, 1.0, True, "1", "yes", "Yes", " TRUE ", "F")),
-        *((value, [False]) for value in (-1, -1.0, "-1", "Reverse", "T")),
-        *((value, [False, True]) for value in (0, False, None, "no", "0", 2, "", "maybe")),
+        *(
+            (value, [True])
+            for value in (1, 1.0, True, "1", "yes", "Yes", " TRUE ", "F", "FT", "1.0", "forward", "Y", "t", ["yes"])
+        ),
+        *((value, [False]) for value in (-1, -1.0, "-1", "Reverse", "T", "TF", "backward", ["-1"])),
+        *((value, [False, True]) for value in (0, False, None, "no", "0", 2, "", "maybe", "f", "N", "reversible")),
     ],
 )
 def test_one_way_lines_may_be_written_as_numbers_and_truths(write, oneway, directions):

@@ -1,11 +1,17 @@
 """Graphs from elsewhere, such as OSMnx, cut in the same way."""
 
+import math
+
 import networkx as nx
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from shapely import LineString
 
+import gamms
 from gamms.errors import BadType, BadValue
-from gamms.osm import consolidate, load, obstacle_from_file, process_osm_graph
+from gamms.osm import consolidate, load, obstacle_from_file, process_osm_graph, resample_columns
 
 
 def street(**about):
@@ -97,6 +103,130 @@ def test_the_callers_graph_is_left_alone():
 def test_an_empty_graph_stays_empty():
     assert process_osm_graph(nx.MultiDiGraph()).number_of_nodes() == 0
     assert process_osm_graph(nx.MultiDiGraph(crs="epsg:4326")).number_of_nodes() == 0
+
+
+def cut_street(there, back=None):
+    """Return the attributes of the edges of a bent street, there and back, after cutting it into two pieces."""
+    graph = street(crs="EPSG:32635")
+    graph.edges[0, 1, 0].update(there)
+    graph.edges[1, 0, 0].update(there if back is None else back)
+    cut = process_osm_graph(graph, resolution=36.0, bidirectional=False)
+    assert list(cut.edges) == [(0, 1), (1, 0), (1, 2), (2, 1)]
+    return cut.edges[0, 1], cut.edges[1, 0]
+
+
+def test_numbers_and_truths_may_be_text_as_in_graphml():
+    data, _ = cut_street({"speed_kph": " 80.0", "travel_time": "4.5", "length": "90", "oneway": "False"})
+    assert (data["speed_kph"], data["travel_time"], data["length"], data["oneway"]) == (80.0, 2.25, 45.0, False)
+
+
+@pytest.mark.parametrize(
+    "truth", [True, "True", "true", " YES ", "y", 1, 1.0, "1", "1.0", "-1", np.True_, [True, False]]
+)
+def test_a_truth_is_read_as_such(truth):
+    assert cut_street({"oneway": truth})[0]["oneway"] is True
+
+
+@pytest.mark.parametrize("truth", [False, "False", "no", "f", 0, 0.0, "0", np.False_, "[False, False]", "reversible"])
+def test_a_falsehood_is_read_as_such(truth):
+    assert cut_street({"oneway": truth})[0]["oneway"] is False
+
+
+@pytest.mark.parametrize("missing", [None, "", "nan", "None", math.nan, "<NA>"])
+def test_a_missing_value_counts_as_left_out(missing):
+    data, _ = cut_street({"oneway": missing, "speed_kph": missing, "travel_time": missing, "maxspeed": "36"})
+    assert data["speed_kph"] == 36.0
+    assert data["travel_time"] == pytest.approx(3.625)
+    assert "oneway" not in data
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("speed_kph", value) for value in ("fast", "80 km/h", 0, -5.0, "-5", math.inf, True, [], ["50", "fast"], {})),
+        *(("travel_time", value) for value in ("4,5", -1.0, "inf", False, [1.0, 2.0], "[1.0, 2.0]", object())),
+        *(("oneway", value) for value in ("perhaps", 2, [], "[]", {}, "FTF", object())),
+        *(("length", value) for value in ("12.5 m", "40 ft", True, [10.0], "[10.0]")),
+    ],
+)
+def test_an_edge_with_an_impossible_value_is_named(name, value):
+    with pytest.raises(BadValue, match=rf"^Edge \(0, 1\) has the {name} .*Give "):
+        cut_street({name: value})
+
+
+def test_several_speeds_and_signs_give_their_mean_also_as_text():
+    for several in (["50", "30"], [50, 30], "['50', '30']", "[50.0, 30.0]"):
+        for name in ("speed_kph", "maxspeed"):
+            assert cut_street({name: several})[0]["speed_kph"] == 40.0
+    assert cut_street({"highway": "['steps', 'primary']"})[0]["speed_kph"] == 2.0
+
+
+def test_each_direction_keeps_its_own_attributes():
+    there, back = cut_street(
+        {"speed_kph": 30, "travel_time": 9.0, "name": "A"}, {"speed_kph": "70", "travel_time": "4", "name": "B"}
+    )
+    assert [(data["speed_kph"], data["travel_time"], data["name"]) for data in (there, back)] == [
+        (30.0, 4.5, "A"),
+        (70.0, 2.0, "B"),
+    ]
+
+
+def test_signs_of_one_direction_follow_the_direction_of_the_way():
+    signs = {"maxspeed:forward": "30", "maxspeed:backward": "70", "maxspeed": "50"}
+    for is_text in (False, True):
+        back = {"reversed": "True" if is_text else True}
+        assert [data["maxspeed"] for data in cut_street(signs, signs | back)] == ["30", "70"]
+    with pytest.raises(BadValue, match="'perhaps' for 'reversed'"):
+        cut_street(signs | {"reversed": "perhaps"})
+
+
+def as_graphml(graph):
+    """Return a graph as programs read it that OSMnx has written to GraphML: all of its values are text."""
+    text = nx.MultiDiGraph(**{name: str(value) for name, value in graph.graph.items()})
+    text.add_nodes_from(
+        (str(node), {name: str(value) for name, value in data.items()}) for node, data in graph.nodes.items()
+    )
+    for u, v, data in graph.edges(data=True):
+        text.add_edge(str(u), str(v), **{name: getattr(value, "wkt", str(value)) for name, value in data.items()})
+    return nx.parse_graphml("\n".join(nx.generate_graphml(text)))
+
+
+VALUES = st.fixed_dictionaries(
+    {},
+    optional={
+        "speed_kph": st.sampled_from([80, 12.5, [30.0, 50.0]]),
+        "travel_time": st.sampled_from([4.5, 0]),
+        "oneway": st.sampled_from([True, False, [True, False], None]),
+        "maxspeed": st.sampled_from(["50", "30 mph", ["50", "30"], "none"]),
+        "highway": st.sampled_from(["primary", ["steps", "path"]]),
+        "reversed": st.booleans(),
+        "maxspeed:forward": st.sampled_from(["20", "40"]),
+    },
+)
+
+
+@given(there=VALUES, back=VALUES)
+def test_a_graph_in_graphml_is_the_same_graph(there, back):
+    graph = street(crs="EPSG:32635")
+    graph.edges[0, 1, 0].update(there)
+    graph.edges[1, 0, 0].update(back)
+    names = ("id", "length", "speed_kph", "travel_time", "oneway")
+    cuts = [process_osm_graph(one, 36.0, bidirectional=False) for one in (graph, as_graphml(graph))]
+    found = [[(u, v, *(data.get(name) for name in names)) for u, v, data in cut.edges(data=True)] for cut in cuts]
+    assert found[0] == found[1]
+
+
+def test_columns_may_have_truths_as_text():
+    graph = nx.DiGraph([(0, 1, {"oneway": "False"}), (1, 2, {"oneway": "True", "speed_kph": "36"})])
+    nx.set_node_attributes(graph, {node: {"x": 100.0 * node, "y": 0.0} for node in graph})
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(graph)
+        cut = resample_columns(ctx.graph.columns(), 50.0, bidirectional=False)
+        assert cut.number_of_edges() == 6
+        assert cut.edges[2, 3]["travel_time"] == pytest.approx(5.0)
+        ctx.graph.update_edge({"id": 1, "oneway": "perhaps"})
+        with pytest.raises(BadValue, match="Edge 1 has the oneway 'perhaps'"):
+            resample_columns(ctx.graph.columns(), 50.0)
 
 
 def test_bad_graphs_are_refused_with_the_place():

@@ -18,7 +18,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
 from gamms.osm.network import OsmRoads, Rule, components, offsets_of, with_signs
-from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, plain_tags
+from gamms.osm.objects import LEAST_NODES, is_against, is_one_way, plain_tags, read_edge_values
 from gamms.osm.osmium_reader import as_file
 from gamms.plain import why_not_plain
 from gamms.progress import Show
@@ -152,6 +152,7 @@ def _tags(feature: _GeoJsonObject, number: int) -> dict[str, Any]:
     oneway = plain.get("oneway")
     tags = {"osmid": number if found is None else int(found[1]), **kept}
     tags["oneway"] = is_one_way(oneway, plain.get("junction"))
+    tags = read_edge_values(tags, f"feature {number}")
     return with_signs(tags, kept, against=is_against(oneway))
 
 

@@ -22,6 +22,7 @@ from gamms.osm.objects import (
     is_against,
     is_one_way,
     plain_tags,
+    read_edge_values,
     words_of,
 )
 from gamms.osm.speeds import CARS, sign_in_force, unread_signs
@@ -621,11 +622,16 @@ def both_ways(network: RoadNetwork) -> RoadNetwork:
 
 
 def network_of_columns(columns: GraphColumns) -> RoadNetwork:
-    """Return one road per edge: one-way if its attribute `oneway` is true, two-way otherwise."""
-    tags: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
+    """Return one road per edge: one-way if its attribute `oneway` is true, two-way otherwise.
+
+    Raises:
+        BadValue: an edge has a direction, a speed or a time that is not one; see `read_edge_values`.
+    """
+    given: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
     for name, values in columns.edge_attributes.items():
         for row, value in values.items():
-            tags[row][name] = value
+            given[row][name] = value
+    tags = [read_edge_values(one, f"Edge {id}") for id, one in zip(columns.edge_ids.tolist(), given, strict=True)]
     ends = (columns.sources, columns.targets)
     roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
     two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
@@ -635,10 +641,12 @@ def network_of_columns(columns: GraphColumns) -> RoadNetwork:
 def joined_directions(network: RoadNetwork) -> RoadNetwork:
     """Merge each one-way road with its exact reverse into a two-way road.
 
-    Cutting both separately would leave two rows of nearly equal nodes along every street.
+    Cutting both separately would leave two rows of nearly equal nodes along every street. Both directions keep their
+    tags.
     """
     waiting: dict[tuple[int, int], list[int]] = {}
     two_way = network.two_way.copy()
+    back_ways = ways_back(network).copy()
     kept: list[int] = []
     for road, ends in enumerate(zip(network.sources.tolist(), network.targets.tolist(), strict=True)):
         back = waiting.get(ends[::-1], [])
@@ -649,7 +657,9 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
         else:
             back.remove(twin)
             two_way[twin] = True
-    return chosen_roads(replace(network, two_way=two_way), np.array(kept, np.int64))
+            back_ways[twin] = network.ways[road]
+    joined = replace(network, two_way=two_way, back_ways=back_ways)
+    return chosen_roads(joined, np.array(kept, np.int64))
 
 
 def _is_reverse(network: RoadNetwork, road: int, other: int) -> bool:

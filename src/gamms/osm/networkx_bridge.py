@@ -15,8 +15,8 @@ from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
-from gamms.osm.objects import number_of
-from gamms.osm.speeds import speed_kph
+from gamms.osm.objects import DIRECTIONS, is_missing, number_of, read_edge_values, truth_of
+from gamms.osm.speeds import CARS, sign_in_force, speed_kph
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource, IPackedGraph
 
@@ -336,7 +336,7 @@ def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = Non
 
     Raises:
         BadType: it is not a networkx graph.
-        BadValue: a node has no position, or an edge an impossible length.
+        BadValue: a node has no position, or an edge an impossible length, direction, speed or time.
     """
     import networkx as nx
 
@@ -348,19 +348,33 @@ def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = Non
     sources = np.array([rows[u] for u, _, _ in edges], np.int64)
     targets = np.array([rows[v] for _, v, _ in edges], np.int64)
     lengths = np.array([_length(u, v, data) for u, v, data in edges], np.float64)
-    if names is None:
-        tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
-    else:
-        tags = [{name: data[name] for name in names if name in data} for _, _, data in edges]
+    is_directed = graph.is_directed()
+    tags = [_tags_of(u, v, data, names, is_directed=is_directed) for u, v, data in edges]
     shapes = {road: data.get("geometry", data.get("linestring")) for road, (_, _, data) in enumerate(edges)}
     given = {road: shape for road, shape in shapes.items() if shape is not None}
     polylines = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
     return network_of_lines(xy, (sources, targets), _oriented(polylines, xy, sources, targets), lengths, tags, None)
 
 
+def _tags_of(
+    u: object, v: object, data: Mapping[Any, Any], names: Collection[str] | None, *, is_directed: bool
+) -> dict[Any, Any]:
+    """Return the attributes of an edge that become tags, with the sign of its direction."""
+    if names is not None:
+        data = {name: data[name] for name in names if name in data}
+    what = f"Edge ({shown(u)}, {shown(v)})"
+    tags = {name: value for name, value in read_edge_values(data, what).items() if name not in _OWN}
+    if not any(isinstance(name, str) and name.startswith("maxspeed:") for name in tags):
+        return tags
+    is_reversed = False if is_missing(data.get("reversed")) else truth_of(data["reversed"])
+    if is_reversed is None:
+        raise BadValue(f"{what} has the value {shown(data['reversed'])} for 'reversed'. Give True or False.")
+    return {**tags, **sign_in_force(tags, CARS, DIRECTIONS[is_reversed] if is_directed else "")}
+
+
 def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
-    x = _number(data.get("x"))
-    y = _number(data.get("y"))
+    x = number_of(data.get("x"))
+    y = number_of(data.get("y"))
     if not (math.isfinite(x) and math.isfinite(y)):
         raise BadValue(
             f"Node {shown(node)} has no position: it needs finite numbers 'x' and 'y', not {shown(dict(data))}."
@@ -370,21 +384,13 @@ def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
 
 def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
     value = data.get("length")
-    length = _number(value)
+    length = number_of(value)
     if value is not None and not 0.0 <= length < math.inf:
         raise BadValue(
             f"Edge ({shown(u)}, {shown(v)}) has the length {shown(value)}. "
             "Give meters, or omit 'length' to use the length of the geometry."
         )
     return length
-
-
-def _number(value: Any) -> float:
-    """Return a value as a number; NaN if it is not one."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return math.nan
 
 
 def _oriented(

@@ -178,12 +178,16 @@ def check_members(id: int, members: Sequence[Member], known: Sequence[Member]) -
 
 
 DIRECTIONS = ("forward", "backward")  # along the vertices of a way, and against them
-# Words of `oneway`, also of other programs. T and F of Geographic Data Files are words in capitals only.
+# Words of `oneway`, also of other programs: FT and TF are ArcGIS's "from, to", T and F those of Geographic Data Files.
 AGAINST = frozenset(("-1", "-1.0", "reverse", "backward", "tf"))
-ONE_WAY = AGAINST | {"yes", "true", "1", "1.0", "forward", "ft"}
-TWO_WAY = frozenset(("no", "false", "0", "0.0"))
+ONE_WAY = AGAINST | {"yes", "y", "true", "1", "1.0", "forward", "ft"}
+TWO_WAY = frozenset(("no", "n", "false", "0", "0.0"))
 VARYING = frozenset(("reversible", "alternating"))  # two-way here
-_WORD_OF_GDF = {"T": "-1", "F": "yes"}
+_WORD_OF_LETTER = {"T": "-1", "F": "yes", "t": "yes", "f": "no"}  # in small letters they are truths
+_TRUTH_OF_WORD = {
+    **dict.fromkeys(ONE_WAY | {"t"}, True),
+    **dict.fromkeys(TWO_WAY | VARYING | {"f", "-0.0"}, False),
+}
 _MISSING = frozenset(("", "nan", "none", "null", "<na>"))  # also as text, in files of tables
 _ITEM = re.compile(r"""\s*(?:'([^']*)'|"([^"]*)"|([^,]*))\s*(?:,|$)""")  # of a list that was written as text
 
@@ -204,7 +208,7 @@ def is_one_way(oneway: object, junction: object) -> bool:
 
 def _words_of_oneway(value: object) -> list[str]:
     text = value.strip() if isinstance(value, str) else ""
-    return words_of(_WORD_OF_GDF.get(text, value))
+    return words_of(_WORD_OF_LETTER.get(text, value))
 
 
 def words_of(value: object) -> list[str]:
@@ -269,11 +273,65 @@ def number_of(value: object) -> float:
         return math.nan
 
 
+def truth_of(value: object) -> bool | None:
+    """Return a truth, also one that is written as text or number; None if the value is not a truth.
+
+    A road that was joined of one-way and other parts is one-way. Words of `oneway` count as truths.
+    """
+    truths = [_TRUTH_OF_WORD.get(word) for word in words_of(value)]
+    return None if not truths or None in truths else any(truths)
+
+
 def _text_of(item: object) -> str:
     """Return an item as text; a whole number has no decimals."""
     if isinstance(item, str):
         return item
     return f"{item:.15g}" if isinstance(item, float) else shown(item)
+
+
+def read_edge_values(data: Mapping[Any, Any], what: str) -> dict[Any, Any]:
+    """Return the attributes of an edge of another program, with `oneway`, `speed_kph` and `travel_time` as values.
+
+    They may be written as text, as GraphML files have them; missing ones are left out.
+
+    Args:
+        data: the attributes.
+        what: the subject of error messages, such as "Edge (0, 1)".
+
+    Raises:
+        BadValue: one of the three is not a truth, a speed or a time.
+    """
+    read = dict(data)
+    for name, (as_value, wanted) in _READERS.items():
+        if name not in data:
+            continue
+        if is_missing(data[name]):
+            del read[name]
+            continue
+        value = as_value(data[name])
+        if value is None:
+            raise BadValue(f"{what} has the {name} {shown(data[name])}. Give {wanted}, or leave it out.")
+        read[name] = value
+    return read
+
+
+def _speed_of(value: object) -> float | None:
+    """Return a speed, of several their mean; None if one is not a positive number."""
+    speeds = [number_of(item) for item in items_of(value)]
+    is_valid = bool(speeds) and all(0.0 < speed < math.inf for speed in speeds)
+    return sum(speeds) / len(speeds) if is_valid else None
+
+
+def _time_of(value: object) -> float | None:
+    seconds = number_of(value)
+    return seconds if 0.0 <= seconds < math.inf else None
+
+
+_READERS = {
+    "oneway": (truth_of, "True or False"),
+    "speed_kph": (_speed_of, "kilometers per hour, as a number"),
+    "travel_time": (_time_of, "seconds, as a number"),
+}
 
 
 OWN_NAMES = frozenset(  # attributes that are not tags
