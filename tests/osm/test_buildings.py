@@ -213,6 +213,41 @@ def test_a_footprint_is_simplified_by_half_a_metre_however_long_it_is(walls):
     assert len(walls(way, nodes=NODES | steps, min_tolerance=3.0)) == 4
 
 
+def walls_of_outline(corners, metres):
+    """Return the walls around corners (corners, 2) in meters as segments, each from west to east."""
+    degrees = project(np.add(corners, (385_700.0, 6_672_100.0)), CRS, WGS84)
+    faces = faces_of_features([(shapely.Polygon(degrees), BUILDING)], CRS, min_tolerance=metres, relative_tolerance=0.0)
+    return {tuple(sorted((face["br"][:2], face["bl"][:2]))) for face in faces}
+
+
+@given(
+    count=st.integers(3, 40),
+    opening=st.sampled_from([0.0, 0.4, 1.0]),
+    bumps=st.dictionaries(st.integers(0, 39), st.sampled_from([-1.0, -0.3, 0.4, 4.0]), max_size=3),
+    start=st.integers(1, 39),
+    metres=st.sampled_from([0.1, 0.5, 2.0]),
+)
+def test_an_outline_that_is_begun_anywhere_has_the_same_walls_near_its_corners(count, opening, bumps, start, metres):
+    angles = np.linspace(opening, 2.0 * np.pi - opening, count, endpoint=opening > 0.0)
+    radii = 8.0 + np.array([bumps.get(corner, 0.0) for corner in range(count)])
+    outline = np.column_stack((np.cos(angles), np.sin(angles))) * radii[:, None]
+    walls = walls_of_outline(outline, metres)
+    assert walls_of_outline(np.roll(outline, start, axis=0), metres) == walls
+    corners = {corner for wall in walls_of_outline(outline, 0.0) for corner in wall}
+    lines = shapely.MultiLineString([*walls])
+    assert max(lines.distance(shapely.Point(corner)) for corner in corners) <= metres + 1e-6
+
+
+def test_a_round_end_in_which_its_outline_begins_keeps_its_place():
+    angles = np.radians(np.linspace(-120.0, 120.0, 36))
+    round_end = 8.0 * np.column_stack((np.cos(angles), np.sin(angles)))
+    outline = [*round_end, (-20.0, round_end[-1, 1]), (-20.0, round_end[0, 1])]
+    for start in (0, 4, 18):
+        lines = shapely.MultiLineString([*walls_of_outline(np.roll(outline, start, axis=0), 0.5)])
+        corners = {corner for wall in walls_of_outline(outline, 0.0) for corner in wall}
+        assert max(lines.distance(shapely.Point(corner)) for corner in corners) <= 0.5
+
+
 BAY = {33: (LAT + 3.6e-6, LON + 1e-3), 34: (LAT - 3.6e-6, LON + 1e-3), 35: (LAT - 9e-6, LON + 1e-3)}
 
 

@@ -12,9 +12,11 @@ from gamms.limits import refuse_above
 from gamms.osm.footprints import PART, Shapes, WallProfile, repaired
 
 _LINE = 1  # shapely's type numbers, and a dimension
+_RING = 2
 _POLYGON = 3
 _AREA = 2
 _MOST_RELATIVE_M = 0.5
+_FEWEST_OF_RING = 4  # points, of which the last is the first
 _AT_ONCE = 16  # shapes in one tree query
 _MOST_PAIRS = 1_000_000  # of intersecting lines and street pieces
 _BYTES_PER_PAIR = 100  # stands for the time that they take
@@ -107,8 +109,12 @@ def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shape
     """Return lines simplified within their tolerances that touch or cross no further street piece."""
     import shapely
 
-    simple: Shapes = shapely.simplify(lines, tolerances)
-    changed = np.flatnonzero(shapely.get_num_coordinates(simple) != shapely.get_num_coordinates(lines))
+    simple: Shapes = shapely.simplify(_from_corners(lines), tolerances)
+    is_ring = shapely.get_type_id(lines) == _RING
+    changed = shapely.get_num_coordinates(simple) != shapely.get_num_coordinates(lines)
+    changed &= ~(is_ring & (shapely.get_num_coordinates(simple) < _FEWEST_OF_RING))
+    simple = np.where(changed, simple, lines)
+    changed = np.flatnonzero(changed)
     tree = shapely.STRtree(_pieces(streets))
     found = 0
     for first in range(0, len(changed), _AT_ONCE):
@@ -123,6 +129,31 @@ def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shape
             simple[rows[new]] = lines[rows[new]]
             found += before.shape[1] + after.shape[1]
     return simple
+
+
+def _from_corners(lines: Shapes) -> Shapes:
+    """Return rings as closed lines that begin and end at a corner: the point farthest from the middle of their box.
+
+    Simplifying moves a ring at its first point, wherever that is, by more than the tolerance, but keeps the ends of
+    lines. Of several farthest points, the one with the least coordinates counts.
+    """
+    import shapely
+
+    rings = np.flatnonzero(shapely.get_type_id(lines) == _RING)
+    points, ring = shapely.get_coordinates(lines[rings], return_index=True)
+    if not len(rings):
+        return lines
+    starts = np.searchsorted(ring, np.arange(len(rings)))
+    counts = np.diff(np.append(starts, len(ring))) - 1  # the last point is the first
+    middle = (np.minimum.reduceat(points, starts) + np.maximum.reduceat(points, starts)) / 2.0
+    far = np.hypot(*(points - middle[ring]).T)
+    order = np.lexsort((points[:, 1], points[:, 0], -far, ring))
+    corner = order[starts] - starts
+    rank = np.arange(len(ring)) - starts[ring]
+    turned = starts[ring] + (rank + corner[ring]) % counts[ring]
+    begun = lines.copy()
+    begun[rings] = shapely.linestrings(points[turned], indices=ring)
+    return begun
 
 
 def _pieces(lines: Shapes) -> Shapes:
