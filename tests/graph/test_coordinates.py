@@ -169,6 +169,81 @@ def test_zones_of_utm_agree_with_pyproj_and_do_without_it(crs, monkeypatch):
     assert np.abs((again - lonlat + 180.0) % 360.0 - 180.0).max() < 1e-12  # degrees
 
 
+HELSINKI = np.array([(24.93, 60.16), (24.95, 60.18)])  # degrees
+
+
+@pytest.mark.parametrize(
+    ("crs", "scale"),
+    [
+        ("EPSG:32635", 1.0),
+        ("EPSG:3067", 1.0),
+        ("EPSG:3035", 1.0),  # Europe, equal area
+        ("EPSG:3857", 0.4984),
+        (3857, 0.4984),
+        ("3857", 0.4984),
+        ("ESRI:102100", 0.4984),
+        ("ESRI:54009", 1.2021),  # Mollweide
+        ("EPSG:32637", 0.993),  # two zones away
+        ("EPSG:32643", 0.9247),  # eight zones away
+    ],
+)
+def test_the_scale_of_a_crs_is_that_of_its_place(crs, scale):
+    pyproj = pytest.importorskip("pyproj")
+    to_map = pyproj.Transformer.from_crs("EPSG:4326", pyproj.CRS.from_user_input(crs), always_xy=True)
+    xy = np.column_stack(to_map.transform(*HELSINKI.T))
+    found = projection.ground_scale(projection.crs_of(crs)[0], xy)
+    assert found == pytest.approx(scale, abs=0.002)
+    assert ("is not true to scale at this map" in projection.scale_fault(crs, xy)) == (abs(scale - 1.0) > 0.01)
+
+
+def test_far_outside_of_a_projection_nothing_is_true():
+    far = np.array([(1e9, 0.0), (1e9, 100.0)])
+    assert math.isnan(projection.ground_scale("EPSG:32635", far))
+    assert "outside of its area" in projection.scale_fault("EPSG:32635", far)
+
+
+def test_a_crs_in_feet_has_no_metres_and_an_unknown_one_is_not_judged():
+    xy = np.array([(0.0, 0.0), (100.0, 100.0)])
+    assert "US survey foot" in projection.scale_fault("EPSG:2263", xy)
+    for unknown in (None, "moon", "EPSG:4326", 'LOCAL_CS["site",UNIT["metre",1]]'):
+        assert projection.scale_fault(unknown, xy) == ""
+    assert projection.scale_fault("EPSG:3857", xy[:0]) == ""
+
+
+def test_without_pyproj_only_zones_of_utm_are_judged(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    xy = np.array([(2_776_308.0, 8_437_000.0)])
+    assert projection.scale_fault("EPSG:3857", xy) == ""
+    assert projection.scale_fault("epsg:32635", xy[:, ::-1] * 10) != ""
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32635", "epsg:32635", 32635, "32635", " EPSG : 32635 "])
+def test_a_zone_has_one_name_however_it_is_written(crs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    assert projection.crs_of(crs) == ("EPSG:32635", False)
+    assert projection.crs_of("epsg:4326") == projection.crs_of(4326) == ("EPSG:4326", True)
+    graph = Graph()
+    graph.crs = str(crs)
+    assert graph.crs == "EPSG:32635"
+
+
+def test_a_crs_with_false_metres_is_warned_about(caplog, tmp_path, open_ctx):
+    ctx = open_ctx()
+    caplog.set_level("WARNING", "gamms")
+    ctx.graph.graph.add_nodes([0, 1], [2_776_308.0, 2_777_308.0], [8_437_000.0, 8_437_000.0])
+    ctx.graph.graph.crs = "EPSG:32635"
+    assert "not true to scale" in caplog.text  # so far east it is none of this zone
+    caplog.clear()
+    ctx.graph.graph.crs = "EPSG:3857"
+    assert "1 m of it is 0.498 m on the ground" in caplog.text
+    ctx.graph.save(tmp_path / "town.gamms")
+    caplog.clear()
+    ctx.graph.load(tmp_path / "town.gamms")
+    assert "town.gamms: EPSG:3857 is not true to scale" in caplog.text
+    assert ctx.graph.crs == "EPSG:3857"
+    ctx.terminate()
+
+
 def test_the_length_between_opposite_sides_of_the_globe_is_about_half_its_circumference():
     ends = [np.array([[0.0, lat], [20.0, -lat]]) for lat in (0.3, 40.0)]
     found = np.concatenate([projection.ellipsoid_lengths(a, a * (1, -1) + (180.0, 0.0)) for a in ends])

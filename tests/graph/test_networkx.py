@@ -27,6 +27,29 @@ def square(kind):
     return G
 
 
+@pytest.mark.parametrize("crs", ["EPSG:3857", 3857, "ESRI:54009", "EPSG:2263"])
+def test_a_graph_whose_lengths_are_not_metres_is_refused(any_ctx, crs):
+    G = nx.MultiDiGraph(crs=crs)
+    G.add_nodes_from([(0, {"x": 2_776_308.0, "y": 8_437_000.0}), (1, {"x": 2_777_308.0, "y": 8_437_000.0})])
+    G.add_edge(0, 1)
+    with pytest.raises(BadValue, match=r"(lengths are not metres|is in US survey foot).*process_osm_graph"):
+        any_ctx.graph.attach_networkx_graph(G)
+    assert len(any_ctx.graph.graph) == 0
+    any_ctx.graph.graph.crs = str(crs)
+    del G.graph["crs"]
+    with pytest.raises(BadValue, match="metres"):
+        any_ctx.graph.attach_networkx_graph(G)
+    any_ctx.graph.graph.crs = None
+    assert any_ctx.graph.attach_networkx_graph(G).get_edge(0).length == 1000.0
+
+
+def test_the_crs_of_a_graph_may_be_a_number(any_ctx):
+    for crs in (32635, "epsg:32635"):
+        G = nx.DiGraph(crs=crs)
+        G.add_node(crs, x=500_000.0, y=6_700_000.0)
+        assert any_ctx.graph.attach_networkx_graph(G).crs == "EPSG:32635"
+
+
 def edges_of(graph):
     edges = [graph.get_edge(id) for id in graph.get_edges()]
     return [(edge.source, edge.target, edge.length, edge.points) for edge in edges]

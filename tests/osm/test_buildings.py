@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -203,6 +204,20 @@ def test_a_crs_in_degrees_or_none_at_all_is_refused(walls):
         walls([(BLOCK, BUILDING)], crs=WGS84)
     with pytest.raises(BadValue, match=r"is not a CRS|names no CRS"):
         walls([(BLOCK, BUILDING)], crs="moon")
+
+
+def test_walls_are_not_put_into_false_metres(walls):
+    with pytest.raises(BadValue, match=r"crs: EPSG:3857 is not true to scale at this map.*ctx\.graph\.crs"):
+        walls([(BLOCK, BUILDING)], crs="EPSG:3857")
+    house = shapely.Polygon(xy_of(*BLOCK))
+    mercator = shapely.transform(house, lambda points: project(points, CRS, "EPSG:3857"))
+    for crs, shape in ((CRS, house), ("EPSG:3857", mercator)):
+        frame = SimpleNamespace(
+            geometry=SimpleNamespace(name="geometry"),
+            crs=crs,
+            to_dict=lambda _, shape=shape: [{"geometry": shape, "building": "yes"}],
+        )
+        assert edges_of(extract_osm_polygon_faces(frame)) == edges_between(BLOCK)
 
 
 def test_a_footprint_is_simplified_by_half_a_metre_however_long_it_is(walls):

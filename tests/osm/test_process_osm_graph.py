@@ -1,5 +1,6 @@
 """Graphs from elsewhere, such as OSMnx, cut in the same way."""
 
+import itertools
 import math
 
 import networkx as nx
@@ -11,6 +12,7 @@ from shapely import LineString
 
 import gamms
 from gamms.errors import BadType, BadValue
+from gamms.ir.projection import ellipsoid_lengths
 from gamms.osm import consolidate, load, obstacle_from_file, process_osm_graph, resample_columns
 
 
@@ -35,6 +37,68 @@ def test_a_map_in_feet_is_not_taken_for_one_in_metres(crs, tmp_path):
         process_osm_graph(street(crs=crs))
     with pytest.raises(BadValue, match="in metres"):
         obstacle_from_file(tmp_path / "any.osm", crs=crs)
+
+
+PLACES = {"Helsinki": (24.94, 60.17), "Quito": (-78.5, -0.2), "Hobart": (147.3, -42.9), "Alta": (23.3, 69.97)}
+
+
+def drawn(place, crs, **data):
+    """Return a street of two pieces in a CRS, with true lengths of about 1.1 km in all."""
+    pyproj = pytest.importorskip("pyproj")
+    lon, lat = PLACES[place]
+    lonlat = np.array([(lon, lat), (lon + 0.01, lat), (lon + 0.01, lat + 0.005)])
+    known = pyproj.CRS.from_user_input(crs)
+    xy = np.column_stack(pyproj.Transformer.from_crs("EPSG:4326", known, always_xy=True).transform(*lonlat.T))
+    graph = nx.MultiDiGraph(crs=crs)
+    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(xy.tolist()))
+    graph.add_edge(0, 2, geometry=LineString(xy), **data)
+    return graph, float(ellipsoid_lengths(lonlat[:-1], lonlat[1:]).sum())
+
+
+FALSE_METRES = ["EPSG:3857", 3857, "EPSG:3395", "ESRI:54009", "EPSG:6933", "EPSG:3035"]
+
+
+@pytest.mark.parametrize(("place", "crs"), [("Helsinki", "EPSG:32640"), *itertools.product(PLACES, FALSE_METRES)])
+def test_metres_are_those_of_the_ground_in_every_crs(place, crs):
+    graph, length = drawn(place, crs)
+    cut = process_osm_graph(graph, resolution=50.0, bidirectional=False)
+    assert total_length(cut) == pytest.approx(length, rel=0.01)
+    assert sum(line.length for *_, line in cut.edges(data="linestring")) == pytest.approx(length, rel=0.01)
+    for _, _, data in cut.edges(data=True):
+        assert data["travel_time"] == pytest.approx(data["length"] / data["speed_kph"] * 3.6)
+    merged = gamms.osm.consolidate(graph, 0.0)
+    assert total_length(merged) == pytest.approx(length, rel=0.01)
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(cut)
+        x, y = cut.nodes[0]["x"], cut.nodes[0]["y"]
+        assert ctx.graph.to_latlon(x, y) == pytest.approx(PLACES[place][::-1], abs=1e-6)
+
+
+def test_a_crs_may_be_an_object_of_pyproj():
+    pyproj = pytest.importorskip("pyproj")
+    graph, length = drawn("Helsinki", pyproj.CRS.from_epsg(3857))
+    cut = process_osm_graph(graph, resolution=50.0, bidirectional=False)
+    assert (cut.graph["crs"], total_length(cut)) == ("EPSG:32635", pytest.approx(length, rel=1e-6))
+
+
+def test_a_length_that_is_measured_in_false_metres_is_not_one():
+    graph, length = drawn("Helsinki", "EPSG:3857")
+    planar = graph.edges[0, 2, 0]["geometry"].length
+    for said, wanted in ((planar, length), (1234.5, 1234.5)):
+        graph.edges[0, 2, 0]["length"] = said
+        cut = process_osm_graph(graph, resolution=1e6, bidirectional=False)
+        assert total_length(cut) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_columns_in_false_metres_are_projected(caplog):
+    graph, length = drawn("Helsinki", "EPSG:3857")
+    del graph.graph["crs"]
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph)
+        ctx.graph.graph.crs = "EPSG:3857"
+        cut = resample_columns(ctx.graph.columns(), 50.0)
+    assert cut.graph["crs"] == "EPSG:32635"
+    assert total_length(cut) == pytest.approx(2.0 * length, rel=1e-6)
 
 
 def test_directions_are_honoured_only_if_asked_for():

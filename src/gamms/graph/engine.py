@@ -26,6 +26,7 @@ from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.ir.projection import scale_fault
 from gamms.ir.scenery import Scenery
 from gamms.text import shown
 from gamms.typing import IContext
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from gamms.graph.export import Frames
-    from gamms.graph.map_file import MapDatabase
+    from gamms.graph.map_file import MapDatabase, SavedMap
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
@@ -322,7 +323,8 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         order.
 
         Raises:
-            BadValue (ValueError): the graph cannot be attached; `__cause__` has the reason, and nothing has changed.
+            BadValue (ValueError): the graph cannot be attached, for example because lengths in its CRS are not metres
+                (Web Mercator, or feet); `__cause__` has the reason, and nothing has changed.
         """
         graph = self.graph.attach_networkx_graph(G)
         if (
@@ -384,10 +386,9 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         graph = self.graph
         if path is not None:
-            self._storage.put(map_file.load(path))
+            self._put(map_file.load(path), str(path))
         elif self._database is not None:
-            self._storage.put(self._database.read())
-            self._saved = self._state()
+            self._read_database(self._database)
         else:
             raise BadValue("A graph in memory needs a path to be loaded from: ctx.graph.load('map.gamms').")
         return graph
@@ -529,8 +530,17 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         self._is_kept = path is not None
         path = path or InMemoryPath()
         self._database = MapDatabase(self._ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path))
-        self._storage.put(self._database.read())
+        self._read_database(self._database)
+
+    def _read_database(self, database: "MapDatabase") -> None:
+        self._put(database.read(), database.path)
         self._saved = self._state()
+
+    def _put(self, contents: "SavedMap", path: str) -> None:
+        """Replace the map by the contents of a file; warn if its lengths are not metres, for it has no other copy."""
+        self._storage.put(contents)
+        if fault := scale_fault(contents.columns.crs, contents.columns.xy):
+            self._ctx.logger.warning(f"The map in {path}: {fault}.")
 
     def _write_finally(self, database: "MapDatabase") -> None:
         """Write the map for the last time, to a second file if the database refuses it: unwritten changes are lost."""

@@ -1,5 +1,6 @@
 """The mutable graph: every change and every query of nodes and edges goes through here."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import fields
@@ -17,6 +18,7 @@ from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.projection import known_name, scale_fault
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
@@ -63,13 +65,20 @@ class Graph(Surface, Guarded, IGraph):
 
     @property
     def crs(self) -> str | None:
-        """The coordinate reference system of x and y, for example 'EPSG:32635'; None if unknown."""
+        """The coordinate reference system of x and y, for example 'EPSG:32635'; None if unknown.
+
+        Setting one whose lengths are not metres at the nodes, such as Web Mercator, logs a warning.
+        """
         return self._store.crs
 
     @crs.setter
     def crs(self, crs: str | None) -> None:
-        self._store.crs = records.as_text(crs, "graph.crs")
+        text = records.as_text(crs, "graph.crs")
+        nodes = self._store.nodes
+        self._store.crs = known_name(text) or text
         self._store.revision += 1
+        if fault := scale_fault(text, nodes.array("xy")[nodes.living()]):
+            logging.getLogger("gamms").warning(f"graph.crs: {fault}.")
 
     @property
     def attribution(self) -> str | None:

@@ -16,6 +16,7 @@ from gamms.graph.store import GraphStore
 from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.projection import known_name, scale_fault
 from gamms.limits import refuse_above
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
@@ -40,10 +41,25 @@ def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - publi
     """
     try:
         made = _NetworkxImport(store, G)
-        store.append(made.columns(), made.attribution)
+        columns = made.columns()
+        _refuse_false_metres(columns.crs or store.crs, columns.xy)
+        store.append(columns, made.attribution)
     except Exception as error:
         # Labels and attributes may be of any class, so reading them may raise any error.
         raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
+
+
+def _refuse_false_metres(crs: str | None, xy: FloatArray) -> None:
+    """Refuse a CRS whose lengths are not metres at these positions (points, 2).
+
+    Raises:
+        BadValue: a metre in it is off by more than one per cent, or its unit is neither metres nor degrees.
+    """
+    if fault := scale_fault(crs, xy):
+        raise BadValue(
+            f"{fault}. gamms.osm.process_osm_graph projects a graph to its UTM zone; without G.graph['crs'], x and y "
+            "have units of their own."
+        )
 
 
 def export(
@@ -178,9 +194,9 @@ class _NetworkxImport:
     def __init__(self, store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {shown(G)}")
-        crs, attribution = (None if (text := G.graph.get(key)) is None else str(text) for key in ("crs", "attribution"))
-        self.crs = records.as_text(crs, "its crs")
-        self.attribution = records.as_text(attribution, "its attribution")
+        crs, attribution = (G.graph.get(key) for key in ("crs", "attribution"))
+        self.crs = None if crs is None else known_name(crs) or records.as_text(str(crs), "its crs")
+        self.attribution = None if attribution is None else records.as_text(str(attribution), "its attribution")
         self.node_data = [data for _, data in G.nodes(data=True)]
         self.id_of = _ids_of_labels(store, list(G.nodes))
         self.edges = list(G.edges(data=True)) if G.is_directed() else list(_both_directions(G))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue
+from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
 from gamms.text import shown
@@ -52,7 +52,15 @@ _TURNS = 20  # iterations of Vincenty's method, which takes four except for anti
 # radians: nanometres, and millimetres
 _SAME_ANGLE = 1e-15
 _LOST_ANGLE = 1e-9
-_EPSG = re.compile(r"\s*EPSG\s*:\s*(\d{4,5})\s*", re.IGNORECASE)
+_EPSG = re.compile(r"\s*(?:EPSG\s*:\s*)?(\d{4,5})\s*", re.IGNORECASE | re.ASCII)
+_MOST_CODE = 100_000
+_LONGEST_NAME = 80
+_DEGREES = "degrees"
+_METRES = "metres"
+_UNITS = (_DEGREES, _METRES)
+_PROJECT_IT = "Project the map to a CRS in metres, such as that of its UTM zone."
+_STEP_M = 100.0  # over which the scale of a projection is measured
+_MOST_OFF = 0.01
 
 
 def utm_crs(lonlat: FloatArray) -> str:
@@ -212,21 +220,94 @@ def crs_of(crs: object) -> tuple[str, bool]:
     Raises:
         BadValue: not a CRS, or its unit is something else, for example feet.
     """
-    if isinstance(crs, str) and (crs == WGS84 or zone_of(crs) is not None):
-        return crs, crs == WGS84
+    name, unit = _name_and_unit(crs)
+    if unit not in _UNITS:
+        raise BadValue(f"{_in_feet(name, unit)}. {_PROJECT_IT}")
+    return name, unit == _DEGREES
+
+
+def _name_and_unit(crs: object) -> tuple[str, str]:
+    """Return the text of a CRS and its unit: "degrees", "metres", or another one by its own name.
+
+    Raises:
+        BadValue: not a CRS.
+    """
+    name = known_name(crs)
+    if name is not None:
+        return name, _DEGREES if name == WGS84 else _METRES
     pyproj = _pyproj()
     try:
         known = pyproj.CRS.from_user_input(crs)
     except (pyproj.exceptions.CRSError, ValueError) as error:  # ValueError for an integer of 4,300 digits
         raise BadValue(f"graph['crs'] is {shown(crs)}, which is not a CRS. Give one such as 'EPSG:32635'.") from error
     name = str(known.to_string())
-    for axis in known.axis_info[:2]:
-        if not known.is_geographic and axis.unit_conversion_factor not in (0.0, 1.0):  # 0: unknown
-            raise BadValue(
-                f"{name:.80} is in {axis.unit_name}, but lengths and heights of maps are in metres. Project the "
-                "map to a CRS in metres, such as that of its UTM zone."
-            )
-    return name, bool(known.is_geographic)
+    if known.is_geographic:
+        return name, _DEGREES
+    units = [axis.unit_name for axis in known.axis_info[:2] if axis.unit_conversion_factor not in (0.0, 1.0)]
+    return name, str(units[0]) if units else _METRES  # 0: unknown
+
+
+def _in_feet(name: str, unit: str) -> str:
+    return f"{name:.80} is in {unit}, but lengths and heights of maps are in metres"
+
+
+def known_name(crs: object) -> str | None:
+    """Return the usual text of a CRS that needs no pyproj, such as "EPSG:32635" for 32635; None for others."""
+    text = str(crs) if type(crs) is int and abs(crs) < _MOST_CODE else crs
+    if not isinstance(text, str) or len(text) > _LONGEST_NAME:
+        return None
+    found = _EPSG.fullmatch(text)
+    name = f"EPSG:{found[1]}" if found else ""
+    return name if name == WGS84 or zone_of(name) is not None else None
+
+
+def ground_scale(crs: str, xy: FloatArray) -> float:
+    """Return the metres on the ground of one metre in a CRS: the value farthest from 1 at some places of a map.
+
+    These are the middle and the corners of the box around positions (points, 2), and the directions of both axes. The
+    result is 1.0 for a CRS without a place on Earth, such as that of a building site, and NaN outside of a projection.
+    """
+    if not len(xy):
+        return 1.0
+    low = xy.min(axis=0)
+    high = xy.max(axis=0)
+    places = np.array([(low + high) / 2.0, low, high, (low[0], high[1]), (high[0], low[1])])
+    steps = np.array([(_STEP_M / 2.0, 0.0), (0.0, _STEP_M / 2.0)])
+    start = (places[:, None] - steps).reshape(-1, 2)
+    end = (places[:, None] + steps).reshape(-1, 2)
+    try:
+        ends = [_transformed(points, crs, WGS84) for points in (start, end)]
+    except BadValue:  # not a CRS of places on Earth
+        return 1.0
+    if not np.isfinite(ends).all():
+        return float("nan")
+    scales = ellipsoid_lengths(*ends) / _STEP_M
+    return float(scales[np.abs(scales - 1.0).argmax()])
+
+
+def scale_fault(crs: object, xy: FloatArray) -> str:
+    """Return why lengths in a CRS are not metres at positions (points, 2); "" if they are, or if that is unknown.
+
+    Unknown are degrees, None, texts that name no CRS, and CRSs that need pyproj if it is not installed.
+    """
+    if crs is None:
+        return ""
+    try:
+        name, unit = _name_and_unit(crs)
+        scale = ground_scale(name, xy) if unit == _METRES else 1.0
+    except (BadValue, MissingExtra):
+        return ""
+    if unit not in _UNITS:
+        return _in_feet(name, unit)
+    if is_true(scale):
+        return ""
+    off = "outside of its area" if np.isnan(scale) else f"where 1 m of it is {scale:.3g} m on the ground"
+    return f"{name:.80} is not true to scale at this map, {off}, so its lengths are not metres"
+
+
+def is_true(scale: float) -> bool:
+    """Return whether lengths at a `ground_scale` count as metres: one per cent is allowed."""
+    return abs(scale - 1.0) <= _MOST_OFF
 
 
 def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":

@@ -11,7 +11,17 @@ import numpy as np
 from gamms.arguments import as_float, as_items, as_range, refuse_keywords, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
-from gamms.ir.projection import WGS84, check_metres, crs_of, project, project_back_and_forth, utm_crs
+from gamms.ir.projection import (
+    WGS84,
+    check_metres,
+    crs_of,
+    ground_scale,
+    is_true,
+    project,
+    project_back_and_forth,
+    scale_fault,
+    utm_crs,
+)
 from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
@@ -162,7 +172,8 @@ def extract_osm_polygon_faces(
 ) -> Iterator[Record]:
     """Return the walls of the polygons in a GeoDataFrame, such as OSMnx makes, whose columns are the tags.
 
-    A GeoDataFrame in degrees is projected to UTM; any other is taken as meters, unchanged.
+    A GeoDataFrame in degrees, or in a CRS whose meters are not true there, such as Web Mercator, is projected to UTM;
+    any other is taken as meters, unchanged.
 
     Raises:
         BadType: it is not a GeoDataFrame.
@@ -174,13 +185,11 @@ def extract_osm_polygon_faces(
         features = [(row[name], row) for row in gdf.to_dict("records")]
     except AttributeError:
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
-    in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
     if gdf.crs is None:
         bounds = np.array([shape.bounds for shape, _ in features if getattr(shape, "bounds", ())]).reshape(-1, 2, 2)
         bounds = bounds[np.isfinite(bounds).all(axis=(1, 2))]
         check_metres(bounds.reshape(-1, 2), np.ptp(bounds, axis=1).max(axis=1), "The GeoDataFrame has no CRS (gdf.crs)")
-    plane = _plane(None, None) if in_degrees else lambda _: MetricPlane(lambda points: points)
-    return _records_of_features(features, rules, tolerance, plane)
+    return _records_of_features(features, rules, tolerance, _plane_of_frame(gdf.crs))
 
 
 # -- inside -----------------------------------------------------------------------------------------------------
@@ -238,9 +247,25 @@ def _plane(
         # The caller's CRS may belong to another part of the world.
         target, to = (default(points), project) if crs is None else (name, project_back_and_forth)
         to_metres = partial(to, source=WGS84, target=target)
+        if crs is not None and (fault := scale_fault(name, to_metres(points))):
+            raise BadValue(f"crs: {fault}. Give that of the UTM zone, or ctx.graph.crs.")
         if elevation is None:
             return MetricPlane(to_metres)
         return MetricPlane(to_metres, lambda xy: elevation.heights(project(xy, target, WGS84)))
+
+    return plane
+
+
+def _plane_of_frame(crs: object) -> Callable[[FloatArray], MetricPlane]:
+    """Return a function from points in the CRS of a GeoDataFrame to their plane."""
+    name, in_degrees = (None, False) if crs is None else crs_of(crs)
+    if in_degrees:
+        return _plane(None, None)
+
+    def plane(points: FloatArray) -> MetricPlane:
+        if name is None or is_true(ground_scale(name, points)):
+            return MetricPlane(lambda xy: xy)
+        return MetricPlane(partial(project, source=name, target=utm_crs(project(points, name, WGS84))))
 
     return plane
 

@@ -23,7 +23,7 @@ from gamms.arguments import (
 from gamms.errors import BadFile, BadValue
 from gamms.ir.geometry import area_of
 from gamms.ir.graph import GraphColumns
-from gamms.ir.projection import check_metres, crs_of
+from gamms.ir.projection import check_metres, crs_of, scale_fault
 from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
@@ -57,6 +57,7 @@ from gamms.osm.network import (
     classic_rule,
     components,
     connected,
+    in_true_metres,
     joined_directions,
     network_of_columns,
     network_of_part,
@@ -323,9 +324,10 @@ def process_osm_graph(
 ) -> "nx.DiGraph[int]":
     """Cut the edges of a networkx graph, such as OSMnx makes, like `graph_from_xml`.
 
-    Nodes need `x` and `y`; edges may have a `geometry` and a `length` in meters. A graph in degrees is projected to
-    UTM; any other is taken as meters, unchanged. A graph without a CRS must be in meters, and one that looks like
-    degrees is refused. Both directions of a street share their nodes.
+    Nodes need `x` and `y`; edges may have a `geometry` and a `length` in meters. A graph in degrees, or in a CRS whose
+    meters are off by more than one per cent there, such as Web Mercator, is projected to UTM; any other is taken as
+    meters, unchanged. A graph without a CRS must be in meters, and one that looks like degrees is refused. Both
+    directions of a street share their nodes.
 
     Args:
         osmg: the graph.
@@ -377,14 +379,18 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
 def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
     """Cut a map that was saved uncut, such as the shipped one, like `graph_from_xml`.
 
-    No optional library is needed. Each edge is one road, one-way if its attribute `oneway` is true.
+    No optional library is needed. Each edge is one road, one-way if its attribute `oneway` is true. As in
+    `process_osm_graph`, a map whose meters are not true is projected.
 
     Raises:
-        BadType, BadValue: the resolution is impossible.
+        BadType, BadValue: the resolution is impossible, or an edge has an impossible direction, speed or time.
     """
     recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
-        return cut(network_of_columns(columns), recipe, show)
+        network = network_of_columns(columns)
+        if scale_fault(columns.crs, columns.xy):
+            network = connected(in_true_metres(network, crs_of(columns.crs)[0]))
+        return cut(network, recipe, show)
 
 
 class ElevationSource(NamedTuple):
@@ -443,15 +449,15 @@ def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
 
 
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
-    """Return the roads of a networkx graph, projected from degrees if necessary; both directions become one road."""
+    """Return the roads of a networkx graph, projected to true meters if necessary; both directions become one road."""
     network = network_of_graph(osmg)
     crs = osmg.graph.get("crs")
     if crs is None:
         drawn = along(network.offsets, network.points)[network.offsets[1:] - 1]
         check_metres(network.xy, drawn, "The graph has no CRS (osmg.graph['crs'])")
     name, in_degrees = (None, False) if crs is None else crs_of(crs)
-    if not in_degrees:
-        network = replace(network, crs=name)
+    if name is not None and not in_degrees:
+        network = in_true_metres(network, name)
     elif name is not None and len(network.xy) and (np.abs(network.xy) <= (180.0, 90.0)).all():
         network = projected(network, name)  # otherwise the CRS is out of date: these cannot be degrees
     network = connected(network)

@@ -12,7 +12,7 @@ from gamms.arguments import as_member
 from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
+from gamms.ir.projection import WGS84, ellipsoid_lengths, ground_scale, is_true, project, utm_crs
 from gamms.osm.footprints import BuildingIndex
 from gamms.osm.objects import (
     DIRECTIONS,
@@ -382,6 +382,7 @@ def _left_in_order(begins: list[int], onward: list[int]) -> list[int]:
 
 
 _SAME = 1e-6  # meters between vertices, and the relative difference of lengths
+_PLANAR = 1e-3  # relative difference of a planar length
 
 
 def reversed_points(offsets: IntArray) -> IntArray:
@@ -583,6 +584,24 @@ def projected(network: RoadNetwork, source: str) -> RoadNetwork:
         lengths=np.where(np.isnan(network.lengths), measured, network.lengths),
         crs=crs,
     )
+
+
+def in_true_metres(network: RoadNetwork, crs: str) -> RoadNetwork:
+    """Return a network in the meters of a CRS; where these are not true to scale, it is projected to UTM.
+
+    A length that is the planar one there counts as unknown, because it is not in meters.
+    """
+    if is_true(ground_scale(crs, network.xy)):
+        return replace(network, crs=crs)
+    drawn = lengths_of(network.offsets, network.points)
+    is_planar = np.abs(network.lengths - drawn) <= _PLANAR * drawn
+    lonlat = replace(
+        network,
+        xy=project(network.xy, crs, WGS84),
+        points=project(network.points, crs, WGS84),
+        lengths=np.where(is_planar, np.nan, network.lengths),
+    )
+    return projected(lonlat, WGS84)
 
 
 def connected(network: RoadNetwork) -> RoadNetwork:
