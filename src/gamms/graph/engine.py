@@ -21,7 +21,7 @@ from gamms.graph.finding import (
     track_of,
 )
 from gamms.graph.graph import Graph
-from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.graph.obstacles import Obstacles, checked_corners, checked_faces
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
@@ -113,7 +113,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     @refused_while_deciding
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
         """Add a quadrangle."""
-        self._present().add(checked_face(face_id, tr, tl, br, bl, type))
+        self._present().add_corners(*checked_corners(face_id, tr, tl, br, bl, type))
 
     @refused_while_deciding
     def add_obstacles(self, faces: Faces, ids: "ArrayLike | None" = None, types: "ArrayLike" = 0) -> list[int]:

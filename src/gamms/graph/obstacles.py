@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from math import isfinite, isqrt
+from struct import Struct
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -25,6 +26,8 @@ _FEW = 256  # number of faces below which they are scanned one by one
 _KEYS = ("face_id", "tr", "tl", "br", "bl", "type")
 _MOST = 2**63 - 1
 _LATE = 256
+_FLOATS = {float}
+_pack_corners = Struct("12d").pack
 _type_of = type  # the built-in, because the contract calls an argument of faces `type`
 
 Corner2D = tuple[float, float]
@@ -64,12 +67,7 @@ class Obstacles(SharesTables):
 
     def columns(self) -> ObstacleColumns:
         """Return all faces as read-only arrays that never change."""
-        table = self._written()
-        rows = table.living()
-        arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
-        for array in arrays:
-            array.setflags(write=False)
-        return ObstacleColumns(*arrays)
+        return _columns_of(self._written())
 
     def add(self, face: ObsFace) -> None:
         """Add a face.
@@ -77,9 +75,19 @@ class Obstacles(SharesTables):
         Raises:
             DuplicateId (KeyError): the id is taken.
         """
-        if face.id in self._new or self._faces.index.row(face.id) >= 0:
-            raise DuplicateId("an obstacle face", face.id)
-        self._new[face.id] = face
+        id, tr, tl, br, bl, kind = face
+        self.add_corners(id, (*tr, *tl, *br, *bl), kind)
+
+    def add_corners(self, id: int, corners: tuple[float, ...], kind: int) -> None:
+        """Add a face with these 12 coordinates; see `checked_corners`.
+
+        Raises:
+            DuplicateId (KeyError): the id is taken.
+        """
+        if id in self._new or (self._faces.count and self._faces.index.row(id) >= 0):
+            raise DuplicateId("an obstacle face", id)
+        self._new[id] = kind
+        self._new_corners += _pack_corners(*corners)
         self.revision += 1
 
     def add_many(self, new: ObstacleColumns) -> None:
@@ -169,15 +177,21 @@ class Obstacles(SharesTables):
     def _reset(self) -> None:
         self.stop_sharing()
         self._faces = _FaceTable()
-        self._new: dict[int, ObsFace] = {}  # faces added one by one, not yet in the table
+        # faces added one by one, not yet in the table: id -> type, and their corners, 12 numbers each
+        self._new: dict[int, int] = {}
+        self._new_corners = bytearray()
 
     def _written(self) -> _FaceTable:
         """Move faces that were added one by one to the table, and return the table."""
         if self._new:
             self._own()
-            faces = self._new
+            count = len(self._new)
+            ids = np.fromiter(self._new, np.int64, count)
+            types = np.fromiter(self._new.values(), np.int64, count)
+            corners = np.frombuffer(self._new_corners, np.float64).reshape(-1, 4, 3)
             self._new = {}
-            _write(self._faces, face_columns([*faces.values()]))
+            self._new_corners = bytearray()
+            _write(self._faces, ObstacleColumns(ids, corners, types))
         return self._faces
 
     def _between(self, low: tuple[float, float], high: tuple[float, float]) -> IntArray:
@@ -212,12 +226,17 @@ class Obstacles(SharesTables):
     def _own(self) -> None:
         """Stop sharing the table; called before every change."""
         if self.stop_sharing():
-            new = self._new
-            self._new = {}
-            columns = self.columns()
+            shared = self._faces
             self._faces = _FaceTable()
-            self._new = new
-            _write(self._faces, columns)
+            _write(self._faces, _columns_of(shared))
+
+
+def _columns_of(table: _FaceTable) -> ObstacleColumns:
+    rows = table.living()
+    arrays = table.array("ids")[rows], table.array("corners")[rows].reshape(-1, 4, 3), table.array("types")[rows]
+    for array in arrays:
+        array.setflags(write=False)
+    return ObstacleColumns(*arrays)
 
 
 def _write(table: _FaceTable, new: ObstacleColumns) -> None:
@@ -284,22 +303,27 @@ def checked_face(
         BadType: an id or type is not an integer, or a coordinate is not a number.
         BadValue: a corner is not three finite numbers.
     """
+    id, numbers, kind = checked_corners(face_id, tr, tl, br, bl, type)
+    return ObsFace(id, numbers[:3], numbers[3:6], numbers[6:9], numbers[9:], kind)  # type: ignore[arg-type] # of three
+
+
+def checked_corners(
+    face_id: int, tr: Sequence[float], tl: Sequence[float], br: Sequence[float], bl: Sequence[float], type: int
+) -> tuple[int, tuple[float, ...], int]:
+    """Check one face passed by a caller, and return its id, the 12 coordinates of its corners, and its type.
+
+    Raises: as `checked_face`.
+    """
     id = records.as_id(face_id, "an obstacle face")
     # NOTE: most faces have four tuples of three floats; one check for all of them halves the time (w1, faces one
     # by one).
     if tr.__class__ is tl.__class__ is br.__class__ is bl.__class__ is tuple and type.__class__ is int:
         numbers = (*tr, *tl, *br, *bl)
         are_three = len(tr) == len(tl) == len(br) == len(bl) == 3
-        if are_three and {*map(_type_of, numbers)} == {float} and isfinite(sum(numbers)) and abs(type) <= _MOST:
-            return ObsFace(id, tr, tl, br, bl, type)
-    return ObsFace(
-        id,
-        tr=_corner(tr, "tr", id),
-        tl=_corner(tl, "tl", id),
-        br=_corner(br, "br", id),
-        bl=_corner(bl, "bl", id),
-        type=as_int(type, f"The type of obstacle face {id}"),
-    )
+        if are_three and {*map(_type_of, numbers)} == _FLOATS and isfinite(sum(numbers)) and abs(type) <= _MOST:
+            return id, numbers, type
+    corners = [_corner(*one, id) for one in ((tr, "tr"), (tl, "tl"), (br, "br"), (bl, "bl"))]
+    return id, (*chain(*corners),), as_int(type, f"The type of obstacle face {id}")
 
 
 def checked_faces(faces: Faces, ids: ArrayLike | None, types: ArrayLike, obstacles: Obstacles) -> ObstacleColumns:
