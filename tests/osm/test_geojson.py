@@ -170,7 +170,7 @@ def test_properties_that_are_nested_too_deep_are_named(write):
 
 def test_a_line_that_would_be_cut_into_millions_of_pieces_is_refused(write):
     with pytest.raises(TooLarge, match="m of road in pieces"):
-        graph_from_geojson(write(line([24.0, 60.0], [25.0, 60.0])), resolution=0.1)
+        graph_from_geojson(write(line([24.0, 60.0], [25.0, 60.0])), resolution=0.01)
 
 
 def test_lines_at_the_pole_are_refused(write):

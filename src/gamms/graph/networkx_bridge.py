@@ -17,7 +17,7 @@ from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.projection import known_name, scale_fault
-from gamms.limits import refuse_above
+from gamms.limits import GarbagePause, refuse_above
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
 
@@ -29,8 +29,8 @@ LABEL = "networkx_label"  # attribute with the networkx label of a node, if the 
 
 _NODE_COLUMNS = frozenset(("x", "y"))  # node data that become columns; all other data become attributes
 _EDGE_COLUMNS = frozenset(("id", "length", "linestring", "geometry"))
-_NODE_BYTES = 1_000  # bytes per node with its edges: 430 measured when attached, plus data that games derive
-_NETWORKX_BYTES = 5_000  # bytes per node, measured: 2,600 in networkx, and 2,200 when attached
+_NODE_BYTES = 1_000  # bytes per node with its edges, measured: 410 when attached, and 390 or more that games derive
+_NETWORKX_BYTES = 3_500  # bytes per node, measured: 2,400 in networkx and attached, 2,800 of the process
 
 
 def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - published name
@@ -40,8 +40,9 @@ def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - publi
         BadValue (ValueError): "Failed to attach NetworkX graph: …", with the reason as its cause.
     """
     try:
-        made = _NetworkxImport(store, G)
-        columns = made.columns()
+        with GarbagePause():
+            made = _NetworkxImport(store, G)
+            columns = made.columns()
         _refuse_false_metres(columns.crs or store.crs, columns.xy)
         store.append(columns, made.attribution)
     except Exception as error:

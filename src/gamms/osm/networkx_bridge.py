@@ -14,11 +14,12 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
+from gamms.limits import GarbagePause, refuse_above
 from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
 from gamms.osm.objects import DIRECTIONS, is_missing, number_of, read_edge_values, truth_of
 from gamms.osm.speeds import CARS, sign_in_force, speed_kph
 from gamms.text import shown
-from gamms.typing.map_storage import IGraphSource, IPackedGraph
+from gamms.typing.map_storage import IGraphSource
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -58,6 +59,11 @@ def walking_factor(grade: FloatArray) -> FloatArray:
     return np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
 
 
+# Names that a waiting graph answers from its columns.
+_COUNTS = frozenset(("__len__", "number_of_edges", "number_of_nodes", "order", "size"))
+_OF_COLUMNS = _COUNTS | {"__class__", "as_columns", "is_directed", "is_multigraph", "name"}
+_FILLED_NODE_BYTES = 700
+_FILLED_EDGE_BYTES = 1_300
 _SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy
 _TEXTS = frozenset((str, type(None)))
 _STEEPEST = 1.0  # steeper grades are errors of the data
@@ -74,8 +80,8 @@ def to_digraph(
     `speed_kph` and `travel_time`. The edge in the other direction has the next id. Of several roads from one node to
     another the last is kept.
 
-    The graph is filled on first access: most graphs are only attached to a context, which takes the columns and is ten
-    times as fast.
+    The graph is filled when its nodes or edges are first read: most graphs are only attached to a context, which takes
+    the columns and is ten times as fast. Its size, its text and `G.graph` are known before.
 
     Args:
         network: the roads.
@@ -85,43 +91,135 @@ def to_digraph(
     return _deferred_class()(network, about or {}, columns)  # type: ignore[no-any-return] # a class that is made in a function
 
 
+class _WaitingRoads:
+    """The contents of a graph that is not filled yet.
+
+    Attributes:
+        network: the roads.
+        about: the entries of `G.graph`, which a program may change.
+    """
+
+    def __init__(self, network: RoadNetwork, about: Mapping[str, Any], columns: GraphColumns | None) -> None:
+        self.network = network
+        self.about = {**_credits(network.crs, network.attribution), **about}
+        self._columns = columns
+
+    def columns(self) -> GraphColumns:
+        """Return the roads as columns, without the entries of `G.graph`."""
+        if self._columns is None:
+            self._columns = to_columns(self.network)
+        return self._columns
+
+    def to_attach(self) -> tuple[GraphColumns, str | None]:
+        """Return the columns and the attribution that `attach_networkx_graph` would make of the filled graph."""
+        crs, attribution = (
+            None if (given := self.about.get(name)) is None else str(given) for name in ("crs", "attribution")
+        )
+        columns = self.columns()
+        return columns if crs == columns.crs else replace(columns, crs=crs), attribution
+
+
+def _waiting_roads(graph: object) -> _WaitingRoads | None:
+    """Return the contents of a graph that is not filled yet; None for an ordinary graph."""
+    roads: _WaitingRoads | None = object.__getattribute__(graph, "__dict__").get("waiting")
+    return roads
+
+
+def _columns_to_attach(graph: "nx.DiGraph[int]") -> tuple[GraphColumns, str | None]:
+    """Return the columns that `attach_networkx_graph` would make of the filled graph."""
+    roads = _waiting_roads(graph)
+    if roads is None:
+        raise AttributeError("The graph is filled: attach it as it is.")
+    return roads.to_attach()
+
+
+def _count_nodes(graph: "nx.DiGraph[int]") -> int:
+    """Return the number of nodes."""
+    roads = _waiting_roads(graph)
+    return graph.number_of_nodes() if roads is None else len(roads.network.xy)
+
+
+def _count_edges(graph: "nx.DiGraph[int]", u: int | None = None, v: int | None = None) -> int:
+    """Return the number of edges, or of the edges from one node to another."""
+    roads = _waiting_roads(graph)
+    if roads is not None and u is None:
+        return len(roads.columns().edge_ids)
+    _become_ordinary(graph)
+    return int(graph.number_of_edges(u, v))
+
+
+def _add_weights(graph: "nx.DiGraph[int]", weight: str | None = None) -> float:
+    """Return the number of edges, or the sum of their weights."""
+    if weight is None:
+        return _count_edges(graph)
+    _become_ordinary(graph)
+    return graph.size(weight)
+
+
 @cache
 def _deferred_class() -> Any:
     """Return the class of graphs that are filled on first access; networkx is slow to load."""
     import networkx as nx
 
     class LazyRoadGraph(nx.DiGraph):  # type: ignore[type-arg] # it cannot be subscripted when it runs
-        """A graph of roads that becomes an ordinary DiGraph on first access."""
+        """A graph of roads that becomes an ordinary DiGraph when its nodes or edges are read.
+
+        Its numbers of nodes and edges, `G.graph` and its text leave it as it is.
+        """
 
         def __init__(self, network: Any = None, about: Any = None, columns: Any = None, **others: Any) -> None:
             if isinstance(network, RoadNetwork):
-                object.__getattribute__(self, "__dict__")["pending"] = network, about, columns
+                object.__getattribute__(self, "__dict__")["waiting"] = _WaitingRoads(network, about, columns)
             else:  # networkx makes an empty graph of another graph's class
                 object.__setattr__(self, "__class__", nx.DiGraph)
                 nx.DiGraph.__init__(self, network, **others)
 
         def __getattribute__(self, name: str) -> Any:
-            if name in ("__class__", "as_columns"):
+            roads = _waiting_roads(self)
+            if name == "graph" and roads is not None:
+                return roads.about
+            if name in _OF_COLUMNS:
                 return object.__getattribute__(self, name)
-            network, about, columns = object.__getattribute__(self, "__dict__").pop("pending")
-            object.__setattr__(self, "__class__", nx.DiGraph)
-            nx.DiGraph.__init__(self)
-            _fill(self, to_columns(network) if columns is None else columns, network.attribution)
-            self.graph.update(about)
+            _become_ordinary(self)
             return getattr(self, name)
 
         def __setattr__(self, name: str, value: Any) -> None:
-            _ = self.graph  # fills the graph
+            _become_ordinary(self)
             setattr(self, name, value)
 
-        def as_columns(self) -> tuple[GraphColumns, str | None]:
-            """Return the columns that `attach_networkx_graph` would make of the filled graph."""
-            network, _, columns = object.__getattribute__(self, "__dict__")["pending"]
-            return to_columns(network) if columns is None else columns, network.attribution
+        __len__ = number_of_nodes = order = _count_nodes
+        number_of_edges = _count_edges
+        size = _add_weights  # type: ignore[assignment] # one function for both overloads
+        as_columns = _columns_to_attach
 
     LazyRoadGraph.__name__ = LazyRoadGraph.__qualname__ = "DiGraph"
     IGraphSource.register(LazyRoadGraph)
     return LazyRoadGraph
+
+
+def _become_ordinary(graph: "nx.DiGraph[int]") -> None:
+    """Fill a waiting graph, which becomes an ordinary DiGraph.
+
+    Raises:
+        TooLarge (BadValue): it would take more memory than allowed; the graph stays as it is.
+    """
+    import networkx as nx
+
+    roads = _waiting_roads(graph)
+    if roads is None:
+        return
+    columns = roads.columns()
+    nodes = len(columns.node_ids)
+    edges = len(columns.edge_ids)
+    refuse_above(
+        nodes * _FILLED_NODE_BYTES + edges * _FILLED_EDGE_BYTES,
+        f"Reading the {nodes} nodes and {edges} edges of this graph as dicts of networkx (ctx.graph takes it as it is)",
+    )
+    del object.__getattribute__(graph, "__dict__")["waiting"]
+    object.__setattr__(graph, "__class__", nx.DiGraph)
+    nx.DiGraph.__init__(graph)
+    graph.graph = roads.about
+    _fill(graph, columns)
 
 
 def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColumns, Mapping[str, Any]] | None:
@@ -129,16 +227,17 @@ def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColu
 
     None for other graphs. The graph stays unfilled.
     """
-    if not isinstance(graph, IGraphSource) or isinstance(graph, IPackedGraph):
+    roads = _waiting_roads(graph) if isinstance(graph, _deferred_class()) else None
+    if roads is None:
         return None
-    network, about, _ = object.__getattribute__(graph, "__dict__")["pending"]
+    network = roads.network
     known: dict[tuple[Any, ...], int] = {}  # few, while there are as many ways as roads
     rows = [known.setdefault(tuple(of_way.get(name) for name in names), len(known)) for of_way in network.tags]
     tags = [dict(zip(names, values, strict=True)) for values in known]
     codes = np.array(rows, np.int64)
     back = None if network.back_ways is None else codes[network.back_ways]
     bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back, refs=None, tunnels=None, z=None)
-    return to_columns(bare), about
+    return to_columns(bare), roads.about
 
 
 def to_columns(network: RoadNetwork, *, has_parallels: bool = False) -> GraphColumns:
@@ -283,7 +382,8 @@ def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     import networkx as nx
 
     graph: nx.MultiDiGraph[int] = nx.MultiDiGraph()
-    _fill(graph, to_columns(network, has_parallels=True), network.attribution)
+    graph.graph.update(_credits(network.crs, network.attribution))
+    _fill(graph, to_columns(network, has_parallels=True))
     return graph
 
 
@@ -297,20 +397,25 @@ def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
     return firsts, numbers
 
 
-def _fill(graph: "nx.Graph[int]", columns: GraphColumns, attribution: str | None) -> None:
+def _credits(crs: str | None, attribution: str | None) -> dict[str, str]:
+    """Return the entries of `G.graph` about the source of a graph."""
+    about = {"attribution": attribution, "crs": crs}
+    return {name: text for name, text in about.items() if text is not None}
+
+
+def _fill(graph: "nx.Graph[int]", columns: GraphColumns) -> None:
     """Add the nodes and edges of columns to an empty graph."""
-    about = {"attribution": attribution, "crs": columns.crs}
-    graph.graph.update({name: text for name, text in about.items() if text is not None})
-    nodes: list[dict[str, Any]] = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
-    _add_attributes(nodes, columns.node_attributes)
-    graph.add_nodes_from(zip(columns.node_ids.tolist(), nodes, strict=True))
-    ends = (columns.sources, columns.targets)
-    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, (), columns.crs)
-    lines = line_strings(roads.points, np.repeat(np.arange(len(roads.lengths)), np.diff(roads.offsets)))
-    first = zip(columns.edge_ids.tolist(), lines, columns.lengths.tolist(), strict=True)
-    edges: list[dict[str, Any]] = [{"id": id, "linestring": line, "length": length} for id, line, length in first]
-    _add_attributes(edges, columns.edge_attributes)
-    graph.add_edges_from(zip(*(rows.tolist() for rows in ends), edges, strict=True))
+    with GarbagePause():
+        nodes: list[dict[str, Any]] = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
+        _add_attributes(nodes, columns.node_attributes)
+        graph.add_nodes_from(zip(columns.node_ids.tolist(), nodes, strict=True))
+        ends = (columns.sources, columns.targets)
+        roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, (), columns.crs)
+        lines = line_strings(roads.points, np.repeat(np.arange(len(roads.lengths)), np.diff(roads.offsets)))
+        first = zip(columns.edge_ids.tolist(), lines, columns.lengths.tolist(), strict=True)
+        edges: list[dict[str, Any]] = [{"id": id, "linestring": line, "length": length} for id, line, length in first]
+        _add_attributes(edges, columns.edge_attributes)
+        graph.add_edges_from(zip(*(rows.tolist() for rows in ends), edges, strict=True))
 
 
 def _add_attributes(rows: list[dict[str, Any]], columns: Mapping[str, Mapping[int, Any]]) -> None:
