@@ -176,7 +176,15 @@ class BadFile(GammsError, ValueError):
 
 
 class TooLarge(BadFile, BadValue):
-    """A file or a call needs more memory than is allowed."""
+    """A file or a call needs more memory than is allowed.
+
+    Attributes:
+        estimated: the bytes that it would take, if they were estimated before.
+    """
+
+    def __init__(self, message: str, estimated: float | None = None) -> None:
+        super().__init__(message)
+        self.estimated = estimated
 
 
 class NoPath(GammsError, ValueError):

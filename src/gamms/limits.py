@@ -88,7 +88,8 @@ def refuse_above(estimated: float, what: str) -> None:
     """
     if not estimated <= max_memory():
         raise TooLarge(
-            f"{what} would take about {_shown(estimated)} of memory; {_shown(max_memory())} are allowed. {_WAY}"
+            f"{what} would take about {_shown(estimated)} of memory; {_shown(max_memory())} are allowed. {_WAY}",
+            estimated,
         )
 
 

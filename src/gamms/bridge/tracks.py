@@ -31,7 +31,9 @@ from gamms.typing.game import State
 
 _MOST_POINTS = 1_000_000
 _MOST_TURNS = 1_000_000
-_PER_BYTE = 24  # bytes of memory for each byte of a CSV file
+# bytes of memory: for each byte of a CSV file of short lines, and for a line
+_PER_BYTE = 24
+_LINE_BYTES = 150
 _CANDIDATES = 8  # edges of a point
 _DETOUR_M = 10.0  # mean detour of routes beyond the straight line
 _LONGEST_DETOUR_M = 500.0
@@ -210,7 +212,7 @@ def _read(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
 def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
     if not file.is_file():
         raise MissingFile("a CSV track", file)
-    refuse_above(_PER_BYTE * file.stat().st_size, f"Reading {str(file)!r}")
+    refuse_above(min(_PER_BYTE * file.stat().st_size, _LINE_BYTES * _MOST_POINTS), f"Reading {str(file)!r}")
     rows: dict[str, list[tuple[float, float, float]]] = {}
     at_line = ""
     try:

@@ -14,7 +14,9 @@ from gamms.text import shown
 
 Range = Sequence[Any] | Mapping[str, float]
 METHODS = ("sobol", "latin", "random")
-_BYTES = 2_000  # bytes of a point
+# bytes of a point, measured
+_POINT_BYTES = 190
+_NUMBER_BYTES = 42
 
 
 class Sample(Sequence[dict[str, Plain]]):
@@ -67,7 +69,8 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     if is_sobol and count & (count - 1):
         raise BadValue(f"n must be a power of two for method='sobol', such as {1 << count.bit_length()}, not {count}.")
     size = len(ranges)
-    refuse_above(count * (size + 2 if is_sobol else 1) * _BYTES, f"A sample of {count:,} points")
+    rows = count * (size + 2 if is_sobol else 1)
+    refuse_above(rows * (_POINT_BYTES + _NUMBER_BYTES * size), f"A sample of {count:,} points")
     unit = uniform_points(count, 2 * size if is_sobol else size, how, as_int(seed, "seed"))
     blocks = _saltelli(unit, size) if is_sobol else [unit]
     points = [

@@ -17,6 +17,8 @@ from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch_engine import BatchEngine, movement_in_core
 from gamms.game.block.columns import (
     BYTES_PER_AGENT,
+    BYTES_PER_NAME,
+    BYTES_PER_PLAYER,
     AgentTable,
     ComingAgent,
     NewAgents,
@@ -109,7 +111,7 @@ class Batch(Immutable):
         for number, roster in enumerate(self._rosters):
             _refuse_other_agents(roster, self._roster, number)
         self._put_public(seeds=seeds)
-        self._refuse_too_many(BYTES_PER_AGENT * len(sources))
+        self._refuse_too_many()
         maps = locked(drawn_maps(seeds, len(sources)))
         self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
         # Before agents move in those contexts:
@@ -802,13 +804,16 @@ class Batch(Immutable):
 
     # -- inside -------------------------------------------------------------------------------------------------
 
-    def _refuse_too_many(self, per_agent: int) -> None:
-        """Refuse more games than fit into memory, given the bytes for each agent of a game."""
+    def _refuse_too_many(self) -> None:
+        """Refuse more games than fit into memory."""
         games = len(self)
         agents = len(self._roster.names)
-        fitting = int(max_memory() // max(1, agents * per_agent))
+        players = int(self._roster.is_first.sum())
+        of_all = (players * BYTES_PER_PLAYER + (agents - players) * BYTES_PER_NAME) * len(self._sources)
+        of_game = agents * BYTES_PER_AGENT
+        fitting = max(0, int((max_memory() - of_all) // max(1, of_game)))
         what = f"A batch of {games} games with {agents} agents each, of which {fitting} would fit,"
-        refuse_above(games * agents * per_agent, what)
+        refuse_above(of_all + games * of_game, what)
 
     def _as_game(self, number: int) -> int:
         game = as_int(number, "The number of a game")

@@ -254,7 +254,9 @@ def _listed(names: list[Any]) -> str:
 # -- tracks of GPX ------------------------------------------------------------------------------------------------
 
 _CHUNK = 1 << 16  # bytes
-_PER_BYTE = 12  # bytes of memory for each byte of a file that holds only points
+# bytes of memory, measured: for each byte of a file that holds only points, and for a point
+_PER_BYTE = 10
+_POINT_BYTES = 240
 _MOST_POINTS = 1_000_000
 _TRACKS = ("trk", "rte")
 _POINTS = ("trkpt", "rtept")
@@ -324,7 +326,7 @@ def read_gpx(file: "Path") -> list[GpxPart]:
     """
     if not file.is_file():
         raise MissingFile("a GPX track", file)
-    refuse_above(_PER_BYTE * file.stat().st_size, f"Reading {str(file)!r}")
+    refuse_above(min(_PER_BYTE * file.stat().st_size, _POINT_BYTES * _MOST_POINTS), f"Reading {str(file)!r}")
     reader = _GpxReader()
     try:
         with file.open("rb") as stream:

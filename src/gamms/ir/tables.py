@@ -15,7 +15,7 @@ from gamms.plugins import needing
 if TYPE_CHECKING:
     import pandas as pd
 
-_OF_EMPTY = 64  # bytes
+_OF_EMPTY = 12  # bytes; 8 measured, and a list of one column at a time
 # most characters of texts in an array that has more than this many times their lengths
 _MOST_CHARACTERS = 1 << 18
 _SHARE = 16

@@ -19,7 +19,7 @@ from gamms.limits import refuse_above
 from gamms.text import as_xml
 from gamms.typing.on_edges import point_along
 
-_BYTES = 200  # of memory for one position
+_BYTES = 350  # of memory for one position, measured
 _DECIMALS = 8  # decimals of degrees: a millimetre
 _LONGEST_S = 1e9  # longest game: 30 years
 

@@ -38,8 +38,9 @@ _DEFAULT_PX = 1280
 _DEFAULT_RATIO = 16 / 9
 _LONGEST_PX = 65_535  # the maximum of GIF
 _FINEST_DPI = 10_000.0
-_PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
-FILM_BYTES = 48  # and memory of an encoder
+# Bytes of memory per pixel, measured.
+_PICTURE_BYTES = 20  # the canvas, its copies and the file
+_FILM_BYTES = {".gif": 48, ".mp4": 100}  # and memory of an encoder
 
 
 Asked = tuple[int | None, int | None]
@@ -175,13 +176,14 @@ def film_plan(
         MissingFolder: the folder is not there.
     """
     path = as_target(path)
-    asked = sides(width, height, FILM_BYTES)
+    suffix = path.suffix.lower()
+    asked = sides(width, height, _FILM_BYTES.get(suffix, _FILM_BYTES[".gif"]))
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")
     if frames < 1:
         raise BadValue(f"A turn needs at least one frame, not frames_per_turn={frames}.")
-    if (suffix := path.suffix.lower()) not in FILMS:
+    if suffix not in FILMS:
         known = ", ".join(FILMS)
         raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
     if suffix == ".mp4" and find_spec("av") is None:  # before a frame asks for the extra of pictures alone
@@ -252,7 +254,9 @@ class Frames:
             reach = self._reach(spill(commands, box))
             box = self._roomy(box, artists)
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
-        self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
+        film_bytes = _FILM_BYTES[".mp4" if is_even else ".gif"]
+        known = size(width, height, film_bytes if is_film else _PICTURE_BYTES)
+        self.width, self.height = (side + side % 2 * is_even for side in known)
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
         self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
