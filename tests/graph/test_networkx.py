@@ -27,15 +27,18 @@ def square(kind):
     return G
 
 
-@pytest.mark.parametrize("crs", ["EPSG:3857", 3857, "ESRI:54009", "EPSG:2263"])
+@pytest.mark.parametrize(
+    "crs", ["EPSG:3857", 3857, "3857", "ESRI:54009", "EPSG:2263", {"proj": "merc", "datum": "WGS84"}, "an object"]
+)
 def test_a_graph_whose_lengths_are_not_metres_is_refused(any_ctx, crs):
-    G = nx.MultiDiGraph(crs=crs)
+    pyproj = pytest.importorskip("pyproj")
+    G = nx.MultiDiGraph(crs=pyproj.CRS(3857) if crs == "an object" else crs)
     G.add_nodes_from([(0, {"x": 2_776_308.0, "y": 8_437_000.0}), (1, {"x": 2_777_308.0, "y": 8_437_000.0})])
     G.add_edge(0, 1)
     with pytest.raises(BadValue, match=r"(lengths are not metres|is in US survey foot).*process_osm_graph"):
         any_ctx.graph.attach_networkx_graph(G)
     assert len(any_ctx.graph.graph) == 0
-    any_ctx.graph.graph.crs = str(crs)
+    any_ctx.graph.graph.crs = "EPSG:3857"
     del G.graph["crs"]
     with pytest.raises(BadValue, match="metres"):
         any_ctx.graph.attach_networkx_graph(G)

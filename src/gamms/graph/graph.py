@@ -18,7 +18,7 @@ from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.projection import known_name, scale_fault
+from gamms.ir.projection import scale_fault, text_of
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
@@ -75,7 +75,7 @@ class Graph(Surface, Guarded, IGraph):
     def crs(self, crs: str | None) -> None:
         text = records.as_text(crs, "graph.crs")
         nodes = self._store.nodes
-        self._store.crs = known_name(text) or text
+        self._store.crs = None if text is None else text_of(text)
         self._store.revision += 1
         if fault := scale_fault(text, nodes.array("xy")[nodes.living()]):
             logging.getLogger("gamms").warning(f"graph.crs: {fault}.")

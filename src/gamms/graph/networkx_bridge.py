@@ -16,7 +16,7 @@ from gamms.graph.store import GraphStore
 from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.projection import known_name, scale_fault
+from gamms.ir.projection import scale_fault, text_of
 from gamms.limits import GarbagePause, refuse_above
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
@@ -196,7 +196,7 @@ class _NetworkxImport:
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {shown(G)}")
         crs, attribution = (G.graph.get(key) for key in ("crs", "attribution"))
-        self.crs = None if crs is None else known_name(crs) or records.as_text(str(crs), "its crs")
+        self.crs = None if crs is None else records.as_text(text_of(crs), "its crs")
         self.attribution = None if attribution is None else records.as_text(str(attribution), "its attribution")
         self.node_data = [data for _, data in G.nodes(data=True)]
         self.id_of = _ids_of_labels(store, list(G.nodes))

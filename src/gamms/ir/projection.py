@@ -251,6 +251,17 @@ def _in_feet(name: str, unit: str) -> str:
     return f"{name:.80} is in {unit}, but lengths and heights of maps are in metres"
 
 
+def text_of(crs: object) -> str:
+    """Return a CRS as text: its usual name, or for a text that names no zone of UTM the text itself."""
+    name = known_name(crs)
+    if name is not None or isinstance(crs, str):
+        return name or str(crs)
+    try:
+        return _name_and_unit(crs)[0]
+    except (BadValue, MissingExtra):
+        return str(crs)
+
+
 def known_name(crs: object) -> str | None:
     """Return the usual text of a CRS that needs no pyproj, such as "EPSG:32635" for 32635; None for others."""
     text = str(crs) if type(crs) is int and abs(crs) < _MOST_CODE else crs

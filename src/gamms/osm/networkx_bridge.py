@@ -14,6 +14,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.projection import text_of
 from gamms.limits import GarbagePause, refuse_above
 from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
 from gamms.osm.objects import DIRECTIONS, is_missing, number_of, read_edge_values, truth_of
@@ -112,11 +113,12 @@ class _WaitingRoads:
 
     def to_attach(self) -> tuple[GraphColumns, str | None]:
         """Return the columns and the attribution that `attach_networkx_graph` would make of the filled graph."""
-        crs, attribution = (
-            None if (given := self.about.get(name)) is None else str(given) for name in ("crs", "attribution")
-        )
+        crs = self.about.get("crs")
+        attribution = self.about.get("attribution")
         columns = self.columns()
-        return columns if crs == columns.crs else replace(columns, crs=crs), attribution
+        if crs != columns.crs:
+            columns = replace(columns, crs=None if crs is None else text_of(crs))
+        return columns, None if attribution is None else str(attribution)
 
 
 def _waiting_roads(graph: object) -> _WaitingRoads | None:
