@@ -103,13 +103,13 @@ def assert_near(found: Growth) -> None:
 # -- games and maps in Python and NumPy ---------------------------------------------------------------------------
 
 
-def game(agents: int, speed: float | None = None, **settings: object) -> gamms.context.Context:
+def game(agents: int, speed: float | None = None, turns: int = 20, **settings: object) -> gamms.context.Context:
     ctx = gamms.create_context(seed=1, logger_config=QUIET, **settings)
     ctx.graph.attach_networkx_graph(gamms.graph.grid(8, 8))
     for number in range(agents):
         team = ("red", "blue")[number % 2]
         ctx.agent.create_agent(f"a{number}", start_node_id=number % 64, team=team, speed=speed, strategy=random_walk)
-    ctx.game.add(gamms.rules.time_limit(20))
+    ctx.game.add(gamms.rules.time_limit(turns))
     return ctx
 
 
@@ -213,17 +213,28 @@ def least_allowance(call: Call) -> float:
     return high
 
 
-def test_the_estimate_of_tracks_is_near_the_memory_that_is_used(tmp_path):
+@pytest.mark.parametrize(
+    ("suffix", "smaller", "larger"),
+    [
+        (".csv", {"agents": 20}, {"agents": 80}),
+        (".csv", {"agents": 20}, {"agents": 20, "turns": 80}),
+        (".gpx", {"agents": 20}, {"agents": 20, "turns": 80}),
+    ],
+)
+def test_the_estimate_of_tracks_is_near_the_memory_that_is_used(tmp_path, suffix, smaller, larger):
     allowances = []
     used = []
-    for agents in (20, 80):
-        file = tmp_path / f"{agents}.ggr"
-        game(agents).game.run(record=file)
+    for number, size in enumerate((smaller, larger)):
+        file = tmp_path / f"{number}.ggr"
+        ctx = game(**size)
+        ctx.graph.graph.crs = "EPSG:32635"
+        ctx.game.run(record=file)
         with gamms.recorder.open(file) as recording:
 
             def call(recording=recording):
-                return recording.export(tmp_path / "tracks.csv")
+                return recording.export(tmp_path / f"tracks{suffix}")
 
+            call()  # makes what is made once
             used.append(traced(call))
             allowances.append(least_allowance(call))
     assert_near(Growth(allowances[1] - allowances[0], used[1] - used[0]))
