@@ -349,6 +349,56 @@ def test_a_fault_of_one_street_is_found_where_all_junctions_are_merged(make_map,
     assert not report(graph, path, tolerance=1.0).length_kept
 
 
+DIRECTED = {"highway": "secondary", "maxspeed:forward": "30", "maxspeed:backward": "70"}
+
+
+def exchange(graph, edge):
+    graph.edges[edge]["speed_kph"], graph.edges[edge[::-1]]["speed_kph"] = (70.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "roads"),
+    [
+        (lambda graph, edge: None, 0),
+        (lambda graph, edge: graph.edges[edge].update(speed_kph=31.0), 1),
+        (lambda graph, edge: graph.edges[edge].update(speed_kph="30.0"), 0),
+        (lambda graph, edge: graph.edges[edge].pop("speed_kph"), 0),
+        (exchange, 2),
+    ],
+)
+def test_an_edge_with_another_speed_than_its_direction_of_the_road_is_a_no(make_map, cross, fault, roads):
+    file = make_map(cross, ([1, 2], DIRECTED), ([3, 2], DIRECTED), ([2, 4], ROAD))
+    for options in ({"osm_type": "drive"}, {"bidirectional": False}, {"bidirectional": True}):
+        graph = nx.DiGraph(graph_from_file(file, 1e6, **options))
+        west = min(graph.edges, key=lambda edge: sum(graph.nodes[node]["x"] for node in edge))
+        edge = west if graph.edges[west]["speed_kph"] == 30.0 else west[::-1]
+        fault(graph, edge)
+        found = report(graph, file)
+        assert found.wrong_speeds == pytest.approx(roads * graph.edges[edge]["length"])
+        assert found.speeds_kept == found.is_faithful == (roads == 0)
+        assert dict(found.rows())["speeds"].startswith("NO: " if roads else "yes: 0.0 m")
+
+
+def test_speeds_are_compared_if_the_mode_of_travel_is_known(make_map, cross):
+    file = make_map(cross, ([1, 2], DIRECTED), ([2, 3], ROAD))
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph_from_file(file, 10.0, osm_type="walk"))
+        for mode, is_same in ((None, True), ("walk", True), ("bike", False)):
+            assert report(ctx.graph, file, resolution=10.0, osm_type=mode).speeds_kept == is_same
+
+
+def test_the_speeds_of_a_network_are_compared():
+    network = nx.MultiDiGraph(crs="EPSG:32635")
+    network.add_nodes_from([(0, {"x": 0.0, "y": 0.0}), (1, {"x": 100.0, "y": 0.0})])
+    network.add_edge(0, 1, speed_kph="80")
+    network.add_edge(1, 0, speed_kph="40")
+    cut = nx.DiGraph(gamms.osm.process_osm_graph(network, 25.0, bidirectional=False))
+    assert report(cut, network).is_faithful
+    for *_, data in cut.edges(data=True):
+        data["speed_kph"] = 80.0
+    assert report(cut, network).wrong_speeds == pytest.approx(100.0)
+
+
 @pytest.mark.parametrize("mode", [None, "walk", "bike", "drive"])
 def test_a_context_keeps_its_promises_where_junctions_were_merged(mode):
     path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"

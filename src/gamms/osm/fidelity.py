@@ -21,11 +21,12 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import ellipsoid_lengths, turned
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import Clip, RoadSelection, network_in_metres, part_of, read_network, recipe_of, selection_of
-from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, tolerance_of
+from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, paced_rule, tolerance_of
 from gamms.osm.network import (
     OsmRoads,
     OSMType,
     RoadNetwork,
+    Rule,
     along,
     both_ways,
     chosen_roads,
@@ -39,10 +40,12 @@ from gamms.osm.network import (
     offsets_of,
     segment_starts,
     segments_of,
+    ways_back,
 )
 from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
-from gamms.osm.objects import plain_tags
+from gamms.osm.objects import number_of, plain_tags
 from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
+from gamms.osm.speeds import speed_kph
 from gamms.osm.topology import chains_of, consolidate, degrees, simplify
 from gamms.progress import progress
 from gamms.text import printable_line, shown
@@ -57,7 +60,7 @@ Source = Union[str, os.PathLike[str], "nx.Graph[Any]", GraphColumns, RoadNetwork
 _ROUNDING_M = 0.001
 _WIDEST_DEFAULT = 10.0  # meters: the assumed tolerance of a graph that does not state its own
 _SLACK = 1e-9
-_JUDGED_TAGS = ("oneway",)
+_JUDGED_TAGS = ("oneway", "speed_kph")
 _FILTER = "filter"  # why an open way is left out; other reasons contain "="
 _MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
@@ -66,6 +69,7 @@ MOST_PIECE = 1.25
 _MOST_UNCUT = 1.5  # in resolutions: shorter roads stay whole
 _EXACT = 1e-6  # meters, and relative: rounding errors
 _ON_LINE_M = 1e-3  # a point so near to a line lies on it
+_SAME_SPEED = 1e-6  # relative: rounding errors of files
 _PARALLEL = 1e-2  # radians between two lines that count as parallel
 _STEP_M = 25.0  # largest distance between points of a straight road that are compared with the map
 _WIDEST = 3.0  # width of a merged junction in tolerances, at most
@@ -95,6 +99,7 @@ class Report(NamedTuple):
     closed: dict[str, float]  # of ways that are closed to the mode of travel, by the tag that closes them
     against_traffic: float  # of edges against the directions of the source
     one_direction: float  # of edges that are the only direction of a two-way road
+    wrong_speeds: float  # of edges with another speed than the roads of the source have in their direction
     wrong_joints: int  # places where other numbers of roads meet than in the source, without a merged junction
     length_merged: float  # by which merging junctions shortens the roads of the source; negative if it lengthens them
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
@@ -116,6 +121,7 @@ class Report(NamedTuple):
     spacing_kept: bool  # pieces have 0.75 to 1.25 times the resolution, uncut roads less than 1.5 times
     uncut_kept: bool  # uncut roads have their true length
     directions_kept: bool  # edges follow the traffic, in both directions where it is two-way
+    speeds_kept: bool  # edges have the speeds of the source; also if the graph does not state its mode of travel
     joints_kept: bool  # roads meet where they meet in the source
     on_map_kept: bool  # every point is on the map, or within 3 tolerances if junctions were merged
     source_kept: bool  # open and left-out ways add up to the source
@@ -180,6 +186,7 @@ class Report(NamedTuple):
             ("spacing kept", f"{yes[self.spacing_kept]}: pieces 0.75 to 1.25, whole roads below 1.5 resolutions"),
             ("true lengths", f"{yes[self.uncut_kept]}: {untrue}"),
             ("directions", f"{yes[self.directions_kept]}: {self.against_traffic:,.1f} m against, {lacking}"),
+            ("speeds", f"{yes[self.speeds_kept]}: {self.wrong_speeds:,.1f} m differ from the source"),
             ("joints", f"{yes[self.joints_kept]}: {self.wrong_joints:,} differ from the source"),
             ("on the map", f"{yes[self.on_map_kept]}: {self.surplus_max:.2f} m off at most"),
             ("source accounted", f"{yes[self.source_kept]}: open, closed and left out are all of it"),
@@ -252,6 +259,8 @@ def report(
     about = {**about, **_own_count(source, selection)}
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
         raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
+    is_file = isinstance(source, (str, os.PathLike))
+    about["has_speeds"] = not is_file or osm_type is not None or "mode" in about
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
     return _compared(edges, before, {**about, "resolution": length, "source": name})
 
@@ -269,6 +278,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     after = float(roads.lengths.sum())
     merged = min(_merged(source, about), key=lambda one: abs(before - after - one.merged.length_m))
     against, alone = _directions(edges, source, merged, about)
+    speeds = _wrong_speeds(edges, source, merged) if about["has_speeds"] else 0.0
     joints = _wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
     if "tolerance" in about:
         joints = max(joints, _wrong_joints(roads, merged, 0.0))
@@ -297,6 +307,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         closed=about.get("closed", {}),
         against_traffic=against,
         one_direction=alone,
+        wrong_speeds=speeds,
         wrong_joints=joints,
         length_merged=merged.merged.length_m,
         deviation_max=float(away.max(initial=0.0)),
@@ -318,6 +329,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         spacing_kept=bool(in_bounds and (roads.lengths[uncut] < _MOST_UNCUT * resolution + _SLACK).all()),
         uncut_kept=untrue == 0,
         directions_kept=not against + alone,
+        speeds_kept=not speeds,
         joints_kept=joints == 0,
         on_map_kept=off_map <= _WIDEST * about.get("tolerance", _WIDEST_DEFAULT) + _ROUNDING_M,
         source_kept=_is_accounted(source, about),
@@ -363,11 +375,19 @@ def _selection(
     every_way = bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
     rule = classic_rule(kind, every_way=every_way)
+    if kind is not None:
+        rule = _at_speeds_of(kind, rule)
     return RoadSelection(
         *(rule, "", retain_all, strong and not recipe.bidirectional, closed),
         around_buildings=recipe.around_buildings,
         ignored=classic_ignored_values,
     )
+
+
+def _at_speeds_of(kind: OSMType, rule: Rule) -> Rule:
+    """Return the rule with the speeds of graphs of a place."""
+    paced = paced_rule(modes()[kind.name.lower()], kind)
+    return lambda osmid, tags: None if rule(osmid, tags) is None else paced(osmid, tags)
 
 
 def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
@@ -613,10 +633,10 @@ def _wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwo
     if not len(judged) or not len(source.sources):
         return 0.0, 0.0
     chosen = chosen_roads(edges, judged)
-    counts = _roads_below(chosen, source)
+    counts = _directions_below(chosen, source)
     moved = np.flatnonzero(counts[0] == 0)
     if len(moved):
-        counts[:, moved] = _roads_below(chosen_roads(chosen, moved), merged)
+        counts[:, moved] = _directions_below(chosen_roads(chosen, moved), merged)
     found, allowed, both = counts
     lengths = edges.lengths[judged]
     against = (found > 0) & (allowed == 0)
@@ -638,8 +658,51 @@ def _without_way_back(edges: RoadNetwork) -> BoolArray:
     return np.asarray(~is_there[group[count:]])
 
 
-def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
+def _directions_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
     """Return (3, edges): the number of source roads under each edge, those in its direction, and two-way ones."""
+    below = _roads_below(edges, source)
+    is_two_way = source.two_way[below.roads]
+    kinds = (np.ones(len(below.edges), np.bool_), is_two_way | below.are_along, is_two_way)
+    return np.stack([np.bincount(below.edges[rows], minlength=len(edges.sources)) for rows in kinds])
+
+
+def _wrong_speeds(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> float:
+    """Return the meters of edges that have another speed than each source road under them, in their direction.
+
+    Edges are compared as in `_wrong_directions`; an edge that states no speed is not compared.
+    """
+    stated = np.array([number_of(of_edge.get("speed_kph")) for of_edge in edges.tags], np.float64)[edges.ways]
+    judged = np.flatnonzero(~np.isnan(stated))
+    if not len(judged) or not len(source.sources):
+        return 0.0
+    chosen = chosen_roads(edges, judged)
+    counts = _speeds_below(chosen, stated[judged], source)
+    moved = np.flatnonzero(counts[0] == 0)
+    if len(moved):
+        counts[:, moved] = _speeds_below(chosen_roads(chosen, moved), stated[judged[moved]], merged)
+    found, equal = counts
+    return float(edges.lengths[judged][(found > 0) & (equal == 0)].sum())
+
+
+def _speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork) -> IntArray:
+    """Return (2, edges): the number of source roads under each edge, and those that have its speed (edges,)."""
+    below = _roads_below(edges, source)
+    of_tags = np.array([speed_kph(of_way) for of_way in source.tags], np.float64)
+    rows = np.where(below.are_along, source.ways[below.roads], ways_back(source)[below.roads])
+    are_equal = np.isclose(of_tags[rows], speeds[below.edges], rtol=_SAME_SPEED, atol=0.0)
+    counts = [np.bincount(found, minlength=len(edges.sources)) for found in (below.edges, below.edges[are_equal])]
+    return np.stack(counts)
+
+
+class _RoadsBelow(NamedTuple):
+    """The pairs of an edge and a source road that runs under the middle of its longest straight piece."""
+
+    edges: IntArray  # (pairs,)
+    roads: IntArray  # (pairs,)
+    are_along: BoolArray  # (pairs,)  whether the road has the direction of the edge, not the opposite one
+
+
+def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> _RoadsBelow:
     mine = segment_starts(edges.offsets)
     theirs = segment_starts(source.offsets)
     size = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T)
@@ -653,9 +716,7 @@ def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
     onward = (step[edge] * steps[piece]).sum(axis=1)
     aside = step[edge][:, 0] * steps[piece][:, 1] - step[edge][:, 1] * steps[piece][:, 0]
     alike = np.abs(aside) <= _PARALLEL * np.abs(onward)
-    is_two_way = source.two_way[_lines_of_pieces(source)][piece]
-    kinds = (alike, alike & (is_two_way | (onward > 0.0)), alike & is_two_way)
-    return np.stack([np.bincount(edge[rows], minlength=len(edges.sources)) for rows in kinds])
+    return _RoadsBelow(edge[alike], _lines_of_pieces(source)[piece[alike]], onward[alike] > 0.0)
 
 
 def _wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:

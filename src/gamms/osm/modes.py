@@ -7,7 +7,7 @@ The rules are data with their sources, in `gamms/data/modes.toml`. A mode is a f
 import json
 import math
 import tomllib
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -25,7 +25,9 @@ from gamms.osm.network import (
     Stops,
     attributes_of,
     closing_tag,
+    kept_tags,
     with_directions,
+    with_signs,
 )
 from gamms.osm.objects import AGAINST, DIRECTIONS, TWO_WAY, VARYING, has_direction, number_of, plain_tags, words_of
 from gamms.osm.speeds import sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
@@ -415,6 +417,23 @@ def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
             found = with_directions(found, signs, against=not forward)
         speeds = [{"speed_kph": float(speed)}, {"speed_kph": float(back)}]
         return with_directions(found, speeds, against=not forward), not forward
+
+    return rule
+
+
+def paced_rule(mode: ModeFunction, osm_type: OSMType, names: Iterable[str] = KEPT_TAGS) -> Rule:
+    """Return the rule that takes all ways, with the directions of `kept_tags` and the speeds and signs of a mode.
+
+    The speeds are those of signs and classes if the mode is a function, which knows no speeds of ways that it closes.
+    """
+
+    def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
+        kept, against = kept_tags(osmid, tags, osm_type, names)
+        if not isinstance(mode, Mode):
+            return with_signs(kept, tags, against=against), against
+        speeds = [{"speed_kph": mode.speed_kph(tags, direction)} for direction in DIRECTIONS]
+        signed = with_directions(kept, mode.signs(tags), against=against)
+        return with_directions(signed, speeds, against=against), against
 
     return rule
 

@@ -225,17 +225,23 @@ def _become_ordinary(graph: "nx.DiGraph[int]") -> None:
 
 
 def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColumns, Mapping[str, Any]] | None:
-    """Return the columns of a graph that is not filled yet, with these attributes, and its entries of `G.graph`.
+    """Return the columns of a graph that is not filled yet, and its entries of `G.graph`; None for other graphs.
 
-    None for other graphs. The graph stays unfilled.
+    The graph stays unfilled.
+
+    Args:
+        graph: any graph.
+        names: the attributes of edges to return. Their speeds and times are always returned.
     """
     roads = _waiting_roads(graph) if isinstance(graph, _deferred_class()) else None
     if roads is None:
         return None
     network = roads.network
     known: dict[tuple[Any, ...], int] = {}  # few, while there are as many ways as roads
-    rows = [known.setdefault(tuple(of_way.get(name) for name in names), len(known)) for of_way in network.tags]
-    tags = [dict(zip(names, values, strict=True)) for values in known]
+    names = ("speed_kph", *(name for name in names if name != "speed_kph"))
+    values = ((speed_kph(of_way), *(of_way.get(name) for name in names[1:])) for of_way in network.tags)
+    rows = [known.setdefault(of_way, len(known)) for of_way in values]
+    tags = [dict(zip(names, of_way, strict=True)) for of_way in known]
     codes = np.array(rows, np.int64)
     back = None if network.back_ways is None else codes[network.back_ways]
     bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back, refs=None, tunnels=None, z=None)

@@ -18,7 +18,7 @@ from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
 from gamms.osm.areas import length_across, open_squares, rims_of, with_areas, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
-from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of, stops_of
+from gamms.osm.modes import ModeFunction, modes, name_of, paced_rule, rule_of, stops_of
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
@@ -29,15 +29,12 @@ from gamms.osm.network import (
     RoadNetwork,
     RoadSegments,
     chosen_roads,
-    kept_tags,
     largest_part,
     network_of_segments,
     offsets_of,
     segments_of,
-    with_directions,
 )
 from gamms.osm.objects import (
-    DIRECTIONS,
     LEAST_NODES,
     Member,
     NodeTags,
@@ -233,7 +230,7 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
     rule = None if options.mode is None else rule_of(options.mode, names)
-    speeds = options.mode or modes()[options.osm_type.name.lower()]
+    any_way = paced_rule(options.mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
     squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
     rims = rims_of(squares)
     rows_of = dict[int, list[int]]()
@@ -244,7 +241,7 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
         if of_way is None and way.id in rims:
             of_way = rims[way.id], False
         if of_way is None and (rule is None or options.custom_filter):
-            of_way = _classic_way(way, options.osm_type, names, speeds)
+            of_way = any_way(way.id, way.tags)
         if of_way is not None:
             rows_of.setdefault(way.id, []).append(len(lines))
             read.append(of_way)
@@ -262,17 +259,6 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
     ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
     return ways if rule is None else with_areas(ways, rows_of, squares)
-
-
-def _classic_way(
-    way: "_Way", osm_type: OSMType, names: Sequence[str], speeds: ModeFunction
-) -> tuple[dict[str, Any], bool]:
-    """Return the result of `kept_tags` for a way, with the speeds of a mode."""
-    kept, against = kept_tags(way.id, way.tags, osm_type, names)
-    if not isinstance(speeds, Mode):
-        return kept, against
-    kph = [{"speed_kph": speeds.speed_kph(way.tags, direction)} for direction in DIRECTIONS]
-    return with_directions(kept, kph, against=against), against
 
 
 def _rings(found: "_OverpassElements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
