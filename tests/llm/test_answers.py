@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from loopback import Refusal, completion, new_game, outcomes, text_of
 
 import gamms
-from gamms.llm.questions import WrongAnswer, as_template, choice_of, parsed, question_of
+from gamms.llm.questions import WrongAnswer, answer_in, as_template, objects_in, question_of
 
 
 def east(request):
@@ -65,14 +65,17 @@ WRONG = [
     '{"move": 7}',
     '{"move": -1}',
     '{"move": true}',
-    '{"move": "1"}',
+    '{"move": "east"}',
+    '{"move": "one"}',
+    '{"move": 1.5}',
+    '{"move": "1.5"}',
     '{"move": 1e400}',
-    '{"move": 1, "node_id": 9}',
-    '{"move": 1, "do": {"fly": true}}',
-    '{"move": 1, "messages": [{"channel": "radio", "to": null, "body": "x"}]}',
+    '{"move": [1]}',
     "{}",
     '{"move": null}',
+    '{"node_id": 1}',
 ]
+assert len(WRONG) % 2 == 0
 
 
 def test_an_answer_that_is_wrong_leaves_the_decision_to_the_fallback(server, strategy_of):
@@ -142,8 +145,8 @@ def test_messages_are_sent_and_heard(server, strategy_of):
 
 def test_messages_that_cannot_be_sent_do_not_count(server, strategy_of):
     right = {"channel": "radio", "to": None, "body": "x"}
-    changes = [{"channel": "tv"}, {"to": "cat"}, {"body": 5}, {"body": "x" * 2000}, {"more": 1}]
-    wrong = [*({**right, **change} for change in changes), "x"]
+    changes = [{"channel": "tv"}, {"to": "cat"}, {"body": 5}, {"body": "x" * 2000}]
+    wrong = [*({**right, **change} for change in changes), {"channel": "radio", "to": None}, "x"]
     answers = iter(wrong)
     server.script = lambda request: {"move": 1, "messages": [next(answers)]}
     with new_game(strategy_of(attempts=1)) as ctx:
@@ -176,8 +179,9 @@ def test_what_others_say_stays_on_its_line_and_is_called_data(server, strategy_o
 def test_a_model_that_follows_injected_instructions_cannot_break_out(server, strategy_of):
     server.script = lambda request: {"move": 1, "action": 9, "do": {"__class__": {"x": 1}}, "node_id": 9}
     with new_game(strategy_of(attempts=1)) as ctx:
-        ctx.game.run(1)
-        assert ctx.agent.get_agent("anna").current_node_id == 0
+        result = ctx.game.run(1)
+        assert ctx.agent.get_agent("anna").current_node_id == 1
+    assert result.deeds == result.errors == []
 
 
 def test_agents_that_fly_are_asked_for_a_direction(server, strategy_of):
@@ -322,7 +326,7 @@ def test_whatever_a_model_answers_is_legal_or_does_not_count(talking_game, answe
     state = ctx.game.observation("anna")
     question = question_of(state, ctx, as_template(None))
     try:
-        choice = choice_of(parsed(json.dumps(answer)), question, state, ctx)
+        choice = answer_in(objects_in(json.dumps(answer)), question, state, ctx).choice
     except WrongAnswer:
         return
 

@@ -146,7 +146,7 @@ def test_secrets_in_headers_and_addresses_of_a_client_are_hidden_too(server, cap
     with caplog.at_level(logging.DEBUG), new_game(Strategy(client, "m", "Go.", attempts=1)) as ctx:
         result = ctx.game.run(1)
     assert secret not in str(result.to_dict())
-    assert outcomes(result) == ["wrong answer: it is not JSON"]
+    assert outcomes(result) == ["wrong answer: it has no JSON object"]
     assert "query-secret" not in caplog.text
     assert "<hidden>" in caplog.text  # the library logs the address
 

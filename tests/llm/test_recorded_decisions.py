@@ -78,7 +78,7 @@ def test_every_call_is_in_the_file(server, strategy_of, tmp_path):
     assert header == {"format": "gamms llm decisions 1"}
     assert [one["answered"] for one in line["log"]] == ["hello", '{"move": 1}']
     assert "Your moves:" in line["log"][0]["asked"]
-    assert line["log"][1]["asked"] == "That does not count: it is not JSON. Answer again."
+    assert line["log"][1]["asked"] == "That does not count: it has no JSON object. Answer again."
     assert [one["outcome"] for one in line["log"]] == ["answer", "answer"]
     assert all(one["seconds"] >= 0 for one in line["log"])
     assert (line["agent"], line["turn"], line["answer"], line["calls"]) == ("anna", 1, '{"move": 1}', 2)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from gamms.context import Context
 from gamms.llm import server
-from gamms.llm.decisions import ANSWERED
+from gamms.llm.decisions import ANSWERED, WRONG
 from gamms.llm.limits import Settings, TokenUsage, UsageAccount
-from gamms.llm.questions import Choice, Question, WrongAnswer, choice_of, parsed
+from gamms.llm.questions import Answer, Question, WrongAnswer, answer_in, objects_in
 from gamms.plain import Plain
 from gamms.typing.game import AerialState, State
 
@@ -33,8 +33,7 @@ class ModelQuery:
         ctx: the context of the game; None: the strategy runs in an event loop of the program.
 
     Attributes:
-        choice: the choice of the model; None: no valid answer.
-        answer: the answer as JSON; None: no valid answer.
+        answer: the answer of the model; None: no valid answer.
         log: the outcome of each call, as plain values.
         spent: the calls and tokens of all attempts.
     """
@@ -44,8 +43,7 @@ class ModelQuery:
         self._settings = settings
         self._account = account
         self._ctx = ctx
-        self.choice: Choice | None = None
-        self.answer: str | None = None
+        self.answer: Answer | None = None
         self.log: list[dict[str, Plain]] = []
         self.spent = TokenUsage()
         self._end = 0.0
@@ -83,15 +81,14 @@ class ModelQuery:
                     return outcome
                 continue
             try:
-                answer = server.without_secrets(parsed(reply.text))
-                self.choice = choice_of(answer, question, state, self._ctx)
+                objects = server.without_secrets(objects_in(reply.text))
+                self.answer = answer_in(objects, question, state, self._ctx)
             except WrongAnswer as error:
-                outcome = f"wrong answer: {error}"
+                outcome = f"{WRONG}{error}"
                 said = {"role": "assistant", "content": reply.text[:_MOST_OF_AN_ANSWER]}
                 again = {"role": "user", "content": f"That does not count: {error}. Answer again."}
                 messages = [*messages, said, again]
             else:
-                self.answer = json.dumps(answer, sort_keys=True)
                 return ANSWERED
         return outcome
 

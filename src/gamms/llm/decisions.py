@@ -23,6 +23,9 @@ EVENT = "llm"
 ANSWERED = "answer"
 """The outcome of a decision that the model made; any other outcome says why the fallback decided."""
 
+WRONG = "wrong answer: "
+"""The beginning of the outcome of a decision whose answers did not count."""
+
 _FORMAT = "gamms llm decisions 1"
 _BYTES_PER_LETTER = 40  # bytes of memory for each byte of JSON: `{"":0}` takes most
 _MOST = 1 << 53  # the upper bound of a count
@@ -72,6 +75,11 @@ class Decision:
             if not is_right or (isinstance(value, (int, float)) and not 0 <= value < _MOST):
                 raise BadFile(f"its {name!r} is {shown(value)}")
         return cls(**{name: plain[name] for name in _KINDS})
+
+    @property
+    def flaw(self) -> str:
+        """The reason why the last answer did not count; empty if it did, or if there was none."""
+        return self.outcome.removeprefix(WRONG) if self.outcome.startswith(WRONG) else ""
 
     def as_event(self) -> dict[str, Plain]:
         """Return the fields of the decision's event, without the turn."""

@@ -2,11 +2,11 @@
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from json import dumps
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
-from gamms.arguments import as_choice, as_count, as_float, as_mapping, as_positive
+from gamms.arguments import as_bool, as_choice, as_count, as_float, as_mapping, as_positive
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.llm.decisions import ANSWERED, EVENT, Decision
@@ -44,6 +44,8 @@ class Options(TypedDict, total=False):
     """The most requests at the same time; 8."""
     constrain: Constraint
     """How answers are constrained: by a JSON schema, as arguments of a tool, or by instructions alone; "schema"."""
+    notes: bool
+    """Whether to ask for a reason (`why`) and for a `note` of the model to itself, for its next question; False."""
     request: Mapping[str, Plain]
     """Further fields of each request, such as `{"temperature": 0}`; the value None removes a field."""
     key_variable: str | None
@@ -64,6 +66,7 @@ class Settings:
     price_out: float = 0.0
     at_once: int = 8
     constrain: Constraint = "schema"
+    notes: bool = False
     request: Mapping[str, Plain] = field(default_factory=dict)
 
     @classmethod
@@ -89,6 +92,11 @@ class Settings:
     def cost(self, input_tokens: int, output_tokens: int) -> float:
         """Return the cost of these tokens."""
         return (input_tokens * self.price_in + output_tokens * self.price_out) / _TOKENS_PER_PRICE
+
+    @property
+    def identity(self) -> dict[str, Plain]:
+        """The settings by which strategies share an account; those that were added later are left out by default."""
+        return {name: value for name, value in asdict(self).items() if name != "notes" or value}
 
     @property
     def fields(self) -> dict[str, Plain]:
@@ -133,6 +141,7 @@ _CHECKS: dict[str, Any] = {
     "max_cost": lambda value, name: None if value is None else _price(value, name),
     **dict.fromkeys(("price_in", "price_out"), _price),
     "constrain": lambda value, name: as_choice(value, name, get_args(Constraint)),
+    "notes": as_bool,
     "request": _request,
 }
 

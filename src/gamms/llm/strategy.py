@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Awaitable, Callable
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Unpack
 
 from gamms.arguments import as_function_of, as_name, as_text
@@ -16,15 +15,17 @@ from gamms.llm.asking import ModelQuery
 from gamms.llm.decisions import ANSWERED, Decision, DecisionFile, digest
 from gamms.llm.limits import Options, Settings, UsageAccount
 from gamms.llm.questions import (
+    NOTES,
     PROTOCOL,
     Choice,
     Describe,
     Question,
     WrongAnswer,
+    answer_in,
     as_template,
-    choice_of,
-    parsed,
     question_of,
+    recorded_objects,
+    remember,
 )
 from gamms.plain import Plain
 from gamms.strategies import stay
@@ -92,7 +93,7 @@ class Strategy:
             raise BadValue("Without a client, decisions must be recorded: give calls=, the file that holds them.")
         self._file = DecisionFile(calls, must_exist=client is None)
         described = str(getattr(template, "__qualname__", template))
-        name = digest([model, instructions, described, asdict(self._settings)])
+        name = digest([model, instructions, described, self._settings.identity])
         self._account = UsageAccount(f"{model} {name[:8]}", self._settings)
         self._ctx: Context | None = None
 
@@ -134,7 +135,7 @@ class Strategy:
         """
         if "curr_pos" not in state:
             raise BadType("A gamms.llm.Strategy decides for one agent: register it for each agent, not as a plan.")
-        question = question_of(state, self._ctx, self._template)
+        question = question_of(state, self._ctx, self._template, notes=self._settings.notes)
         request = self._request(question)
         key = digest([self._seed(), state.get("turn", 0), state.get("name", ""), request])
         known = self._file.get(key)
@@ -154,10 +155,12 @@ class Strategy:
         if self._ctx is not None:
             self._account.note(decision, is_counted=decision is not known)
         if choice is None:
+            remember(state.get("memory"), flaw=decision.flaw)
             answer = self._fallback(state)
             if answer is not None:
                 await answer
             return
+        remember(state.get("memory"), note=choice.note)
         state["action"] = choice.action
         if choice.messages:
             state["outbox"].extend(choice.messages)  # type: ignore[arg-type] # plain values of their kinds
@@ -188,6 +191,7 @@ class Strategy:
         else:
             said = f"that fits this JSON schema: {json.dumps(schema)}"
         system = f"{self._instructions}\n\n{PROTOCOL.format(answer=said)}"
+        system += f"\n{NOTES}" if settings.notes else ""
         messages = [{"role": "system", "content": system}, {"role": "user", "content": question.text}]
         return {"model": self._model, "messages": messages, **form, **settings.fields}
 
@@ -196,7 +200,7 @@ class Strategy:
         if known.answer is None:
             return None
         try:
-            return choice_of(parsed(known.answer), question, state, self._ctx)
+            return answer_in(recorded_objects(known.answer), question, state, self._ctx).choice
         except WrongAnswer:
             return None
 
@@ -211,7 +215,10 @@ class Strategy:
         turn = state.get("turn", 0) + 1
         agent = state.get("name", "")
         counts = spent.calls, spent.input_tokens, spent.output_tokens
-        return asking.choice, Decision(turn, agent, key, outcome, asking.answer, *counts, cost, asking.log)
+        answer = asking.answer
+        written = None if answer is None else json.dumps(answer.given, sort_keys=True)
+        choice = None if answer is None else answer.choice
+        return choice, Decision(turn, agent, key, outcome, written, *counts, cost, asking.log)
 
 
 def _client_of(client: object, key_variable: str | None) -> "AsyncOpenAI | None":
