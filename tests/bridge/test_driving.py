@@ -125,6 +125,15 @@ def test_a_robot_that_never_arrives_does_not_hold_the_game_for_longer_than_the_l
     assert "its robot has not arrived after 7 s (ok)" in ctx.game.observation("anna")["blocked"]
 
 
+@pytest.mark.parametrize("start", [0.0, 0.35, 1.4, 1.7e9])
+def test_a_wait_ends_at_any_time_of_the_clock(ctx, start):
+    """The rest of a wait may be less than what a clock can count at its time."""
+    robot = Scripted(SimulatedClock(start), (20.0, 1.0))
+    ctx.game.add(drive("anna", robot, limit_s=4.0))
+    events = ctx.game.run(12).events
+    assert [one["waited_s"] for one in events] == pytest.approx([4.0] * 12, abs=0.002)
+
+
 def test_waypoints_are_sent_again_every_second_from_where_the_robot_is(ctx):
     robot = Scripted(SimulatedClock(), (0, 0), *((x, 0.0) for x in range(100)))
     ctx.game.add(drive("anna", robot, limit_s=2.5))

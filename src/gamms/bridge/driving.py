@@ -355,8 +355,11 @@ def wait_for_robots(ctx: Context, drives: Sequence[Drive]) -> None:
             for one in going:
                 one.give_up(ctx, waited)
             break
-        clock.sleep(min(_TICK_S, min(one.limit_s for one in going) - waited) or _TICK_S)
-        waited = clock.now() - began
+        step = min(_TICK_S, min(one.limit_s for one in going) - waited)
+        before = clock.now()
+        clock.sleep(step)
+        now = clock.now()
+        waited = now - began if now > before else waited + step  # a step may be too short for the digits of a clock
     for one in drives:
         one.read()
         one.note(ctx, waited)
