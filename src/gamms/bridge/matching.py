@@ -5,16 +5,16 @@ have driven: map matching by the connections of the network (White, Bernstein an
 bounded). Whole tracks are matched in `tracks.py`.
 """
 
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from math import hypot, inf
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_positive
+from gamms.arguments import as_choice, as_positive
 from gamms.bridge.feeds import ReceivedFix
 from gamms.bridge.lines import Fix
 from gamms.errors import BadValue
@@ -24,9 +24,13 @@ from gamms.typing.game import Move
 from gamms.typing.on_edges import line_along
 
 _AGREEING = 3  # outliers in a row that agree with each other: the robot was carried there
-_DRIFT = 1e-3  # largest drift of a robot's clock, seconds per second
+_DRIFT = 1e-3  # largest drift of a clock in real time, seconds per second
+_WINDOW = 5.0  # how far the rate of a clock is looked back for, times the largest age of a fix
+_MOST_ARRIVALS = 50  # in a window
+_LEAST_ARRIVALS = 3  # for a rate other than 1
 
 XY = tuple[float, float]
+Stamps = Literal["any", "real", "arrival"]
 
 
 class FixChecks(NamedTuple):
@@ -36,19 +40,27 @@ class FixChecks(NamedTuple):
         within_m: the largest distance from the road in meters, which is also the largest error of positions.
         max_speed: the top speed of the robot in meters per second.
         max_age_s: seconds after which a fix is stale.
+        stamps: the clock of the times `t` in fixes: "any", which may run at another rate than real time and be paused,
+            as that of a simulator; "real", which runs in real time, so that a fix is late as long as its link is; or
+            "arrival", which takes fixes as measured when they arrive and uses `t` only for their order.
     """
 
     within_m: float = 30.0
     max_speed: float = 40.0
     max_age_s: float = 2.0
+    stamps: Stamps = "any"
 
     def checked(self) -> "FixChecks":
-        """Return the conditions as checked plain numbers.
+        """Return the conditions as checked plain values.
 
         Raises:
-            BadType, BadValue: a value is not a positive number.
+            BadType, BadValue: a value is not a positive number, or `stamps` is not one of its values.
         """
-        return FixChecks(*(as_positive(value, f"{name} of FixChecks") for name, value in self._asdict().items()))
+        as_choice(self.stamps, "stamps of FixChecks", get_args(Stamps))
+        within_m, max_speed, max_age_s = (
+            as_positive(getattr(self, name), f"{name} of FixChecks") for name in ("within_m", "max_speed", "max_age_s")
+        )
+        return FixChecks(within_m, max_speed, max_age_s, self.stamps)
 
 
 class MeasuredPosition(NamedTuple):
@@ -59,11 +71,105 @@ class MeasuredPosition(NamedTuple):
     heading: float | None  # degrees clockwise from north
 
 
+class _Arrival(NamedTuple):
+    """The arrival of a fix."""
+
+    t: float  # when the fix was measured, by the clock of the sender
+    at: float  # when it arrived, by our clock
+
+
+class SenderClock:
+    """Estimates when fixes were measured, from the times that their sender gives.
+
+    Nothing is known about the clock of the sender but that it does not go back. The least delay counts as zero
+    (Cristian 1989), in a window of arrivals: by a clock in real time, and by one at another rate. The rate is that of
+    the line below all arrivals which is nearest to them (Moon, Skelly and Towsley 1999). A fix is late if it is late by
+    both. So a link that gets slower is noticed, and after half a window it cannot be told from a clock that has stood.
+
+    Args:
+        checks: the conditions for fixes, with the kind of the clock.
+    """
+
+    def __init__(self, checks: FixChecks) -> None:
+        self._stamps = checks.stamps
+        self._max_age_s = checks.max_age_s
+        self._window_s = _WINDOW * checks.max_age_s
+        self._arrivals: deque[_Arrival] = deque()
+        self._last = _Arrival(-inf, -inf)
+        self._kept_since = -inf  # when the first of the arrivals came that the last one stands for
+        self._least = inf  # the least offset from a clock in real time to ours, and when it was updated
+        self._least_at = 0.0
+        self._last_measured = -inf
+
+    def measured_at(self, t: float, at: float) -> float:
+        """Return the time of a measurement by our clock.
+
+        Args:
+            t: the time of the measurement by the clock of the sender, not before that of the last call.
+            at: the time of the arrival.
+        """
+        if self._stamps == "arrival":
+            delay = 0.0
+        elif self._stamps == "real":
+            delay = self._delay_in_real_time(t, at)
+        else:
+            delay = self._delay(_Arrival(t, at))
+        self._last_measured = max(self._last_measured, min(at, at - delay))
+        return self._last_measured
+
+    def _delay_in_real_time(self, t: float, at: float) -> float:
+        drift = _DRIFT * (at - self._least_at)
+        self._least = min(at - t, self._least + drift)
+        self._least_at = at
+        return at - t - self._least
+
+    def _delay(self, new: _Arrival) -> float:
+        self._add(new)
+        delay = new.at - new.t - min(one.at - one.t for one in self._arrivals)
+        span_s = new.at - self._arrivals[0].at
+        if len(self._arrivals) >= _LEAST_ARRIVALS and span_s >= self._max_age_s / 2.0:
+            delay = min(delay, _delay_at_own_rate(self._arrivals, new))
+        return max(0.0, delay)
+
+    def _add(self, new: _Arrival) -> None:
+        """Keep an arrival; of those close together, keep the least delayed one."""
+        arrivals = self._arrivals
+        if arrivals and new.t - self._last.t > new.at - self._last.at + self._max_age_s:
+            arrivals.clear()  # the clock of the sender has been put forward, or the link is fast again
+        self._last = new
+        while arrivals and new.at - arrivals[0].at > self._window_s:
+            arrivals.popleft()
+        if not arrivals or new.at - self._kept_since >= self._window_s / _MOST_ARRIVALS:
+            arrivals.append(new)
+            self._kept_since = new.at
+        elif new.at - new.t < arrivals[-1].at - arrivals[-1].t:
+            arrivals[-1] = new
+
+
+def _delay_at_own_rate(arrivals: Sequence[_Arrival], new: _Arrival) -> float:
+    """Return how far an arrival is above the line that is below all arrivals and nearest to them on average."""
+    hull: list[_Arrival] = []  # convex, from below
+    for one in arrivals:
+        if hull and one.t <= hull[-1].t:
+            continue
+        while len(hull) >= 2 and _slope(hull[-2], one) <= _slope(hull[-2], hull[-1]):
+            hull.pop()
+        hull.append(one)
+    if len(hull) < 2:
+        return inf
+    middle = sum(one.t / len(arrivals) for one in arrivals)
+    begin, end = next((pair for pair in pairwise(hull) if pair[1].t >= middle), (hull[-2], hull[-1]))
+    return new.at - begin.at - _slope(begin, end) * (new.t - begin.t)
+
+
+def _slope(one: _Arrival, other: _Arrival) -> float:
+    return (other.at - one.at) / (other.t - one.t)
+
+
 class PositionTracker:
     """Filters the fixes of one robot and keeps its last plausible position.
 
-    A fix is measured before it arrives. The delay is estimated by comparison: the least delay counts as zero (Cristian
-    1989), so fixes that were delayed on the way get their true age.
+    A fix is measured before it arrives; `SenderClock` estimates how long before.
 
     Args:
         checks: the conditions for each fix.
@@ -79,7 +185,7 @@ class PositionTracker:
         self._to_xy = to_xy
         self.last: MeasuredPosition | None = None
         self.counts: Counter[str] = Counter()
-        self._offset = inf  # from the sender's clock to ours, with the least delay
+        self._clock = SenderClock(checks)
         self._newest: ReceivedFix | None = None  # the newest fix with a time of the sender
         self._odd: list[MeasuredPosition] = []  # the last outliers, which agree with each other
 
@@ -125,14 +231,12 @@ class PositionTracker:
         newest = self._newest
         if fix.t is None:
             return at
-        silent = inf if newest is None else at - newest.at
         if newest is not None and fix.t < (newest.fix.t or 0.0):
-            if silent <= self._checks.max_age_s:
+            if at - newest.at <= self._checks.max_age_s:
                 return None
-            self._offset = inf  # the sender's clock has restarted
-        self._offset = min(at - fix.t, self._offset + _DRIFT * silent if silent < inf else inf)
+            self._clock = SenderClock(self._checks)  # the sender's clock has restarted
         self._newest = received
-        return min(at, fix.t + self._offset)
+        return self._clock.measured_at(fix.t, at)
 
     def _can_follow(self, before: MeasuredPosition, after: MeasuredPosition) -> bool:
         reach = self._checks.max_speed * max(0.0, after.at - before.at) + self._checks.within_m
