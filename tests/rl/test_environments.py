@@ -19,7 +19,7 @@ with warnings.catch_warnings():
 
 import gamms
 from gamms import rl
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, NoDisplay, UnknownName
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -109,6 +109,40 @@ def test_gymnasium_finds_no_fault_in_the_environment_of_one_agent(monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(rl.single_agent_env(scene(), agent="red_1"))
+
+
+@pytest.fixture
+def without_display(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("sys.platform", "linux")
+
+
+@pytest.mark.parametrize("name", [None, "GridTag", "CaptureTheFlag", "HelsinkiPursuit"])
+def test_gymnasium_finds_no_fault_without_a_display(without_display, name):
+    env = gymnasium.make(f"gamms/{name}-v0").unwrapped if name else rl.single_agent_env(scene(), agent="red_1")
+    assert env.metadata["render_modes"] == ["rgb_array"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env)
+    env.close()
+
+
+def test_without_a_display_no_environment_offers_a_window_and_asking_for_one_is_refused(without_display):
+    env = rl.parallel_env(scene(), team="red")
+    assert env.metadata["render_modes"] == ["rgb_array"]
+    env.close()
+    for make in (partial(rl.parallel_env, team="red"), partial(rl.single_agent_env, agent="red_1")):
+        with pytest.raises(NoDisplay):
+            make(scene(), render_mode="human")
+
+
+@pytest.mark.parametrize("variable", ["DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"])
+def test_with_a_display_environments_offer_a_window(without_display, monkeypatch, variable):
+    monkeypatch.setenv(variable, "dummy")
+    env = rl.parallel_env(scene(), team="red")
+    assert env.metadata["render_modes"] == ["human", "rgb_array"]
+    env.close()
 
 
 @pytest.mark.parametrize("name", ["GridTag", "CaptureTheFlag", "Pursuit", "Competition", "HelsinkiPursuit"])

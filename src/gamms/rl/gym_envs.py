@@ -15,7 +15,17 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.heads import are_legal, refuse_mixed
-from gamms.rl.interface import METADATA, Columns, CopyableEnv, EnvInterface, RenderMode, mask_in, prepare, rendered
+from gamms.rl.interface import (
+    METADATA,
+    Columns,
+    CopyableEnv,
+    EnvInterface,
+    RenderMode,
+    mask_in,
+    metadata_of,
+    prepare,
+    rendered,
+)
 from gamms.rl.learners import ActionArray, Seeds
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -37,7 +47,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
     _own = "spec", "observation_space", "action_space"
 
     def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
-        self.metadata = {**METADATA, "name": name or "gamms"}
+        self.metadata = metadata_of(name)
         self._interface = interface
         self.render_mode = render_mode
         self.learners = interface.learners

@@ -18,6 +18,7 @@ from gamms.rl.learners import Learners
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.visual import Engine
+from gamms.visual.window.display import may_open
 
 Columns = dict[str, Any]  # `observation` and `action_mask`, (games, agents, …)
 MaskPlace = Literal["observation", "info"]
@@ -137,6 +138,12 @@ class EnvInterface:
 def mask_in(columns: Columns) -> dict[str, Any]:
     """Return the infos of an environment: the action mask, if the columns contain one; flying agents have no mask."""
     return {key: value for key, value in columns.items() if key == "action_mask"}
+
+
+def metadata_of(name: str) -> dict[str, Any]:
+    """Return the metadata of an environment; without a display, "human" is not among the render modes."""
+    modes = [mode for mode in METADATA["render_modes"] if mode != "human" or may_open()]
+    return {**METADATA, "render_modes": modes, "name": name or "gamms"}
 
 
 def engine_of(mode: object) -> Engine | None:

@@ -11,7 +11,7 @@ from pettingzoo import ParallelEnv
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
 from gamms.rl.heads import are_legal
-from gamms.rl.interface import METADATA, CopyableEnv, EnvInterface, RenderMode, mask_in, prepare, rendered
+from gamms.rl.interface import CopyableEnv, EnvInterface, RenderMode, mask_in, metadata_of, prepare, rendered
 from gamms.rl.learners import Float32Array
 
 Observed = dict[str, Any]  # agent -> `observation` and `action_mask`, or the observation alone
@@ -36,7 +36,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
     _own = "agents", "observation_spaces", "action_spaces", "np_random"
 
     def __init__(self, interface: EnvInterface, name: str, render_mode: RenderMode) -> None:
-        self.metadata = {**METADATA, "name": name or "gamms"}
+        self.metadata = metadata_of(name)
         self._interface = interface
         self.render_mode = render_mode
         learners = interface.learners

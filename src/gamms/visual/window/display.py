@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from math import inf
 from tempfile import gettempdir
 from time import monotonic, sleep
@@ -23,6 +24,8 @@ _RESIZED = "Requested window was forcibly resized"  # as a window manager that t
 _FALLBACK = "offscreen"
 _DRIVER_CHOSEN = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 _UNSEEN = ("dummy", "offscreen")
+_WITH_SCREEN = ("win32", "darwin")  # platforms without a variable that names a display
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 class Owner(Protocol):
@@ -89,6 +92,12 @@ def _check_is_seen(pygame: ModuleType) -> None:
     """Raise pygame.error for the driver that SDL falls back to without a display, unless the user has named one."""
     if pygame.display.get_driver() == _FALLBACK and not any(map(os.environ.get, _DRIVER_CHOSEN)):
         raise pygame.error("no display is connected")
+
+
+def may_open() -> bool:
+    """Return whether a window can be opened here, as far as the environment tells, without loading pygame."""
+    names_display = any(map(os.environ.get, (*_DISPLAYS, *_DRIVER_CHOSEN)))
+    return find_spec("pygame") is not None and (sys.platform in _WITH_SCREEN or names_display)
 
 
 def is_watched() -> bool:
