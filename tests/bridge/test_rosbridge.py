@@ -151,13 +151,17 @@ def test_messages_of_another_form_are_counted_and_break_nothing(server, caplog):
             server.publish("/odom", message)
         server.send('{"op": "publish", "topic": "/odom", "msg": {"pose": {"pose": {"position": {"x": NaN, "y": 1}}}}}')
         server.publish("/gps", {"status": {"status": -1}, "latitude": 0.0, "longitude": 0.0})
-        for text in ("hello", "[" * 100_000, "{}", '{"op": "call_service"}', '{"op": "quit"}', '"op"'):
+        invalid = ("hello", "[" * 100_000, "{}", '{"op": "call_service"}', '{"op": "quit"}', '"op"', b"\xff")
+        for text in (*invalid, '{"op": "status", "msg": "no topic"}', "{"):
             server.send(text)
         server.publish("/odom", odometry(1.0, 2.0))
         assert taken_from(odom).x == 1.0
         wait_until(lambda: gps.counts["received"])
         assert (odom.counts["bad"], gps.counts["bad"], ros.counts["bad"]) == (1, 1, 6)
-        assert len(caplog.records) <= 2
+        assert ros.counts["invalid"] == 9
+    (record,) = [one for one in caplog.records if one.levelname != "INFO"]
+    assert "was skipped (Expecting value: line 1 column 1 (char 0)): b'hello'." in record.getMessage()
+    assert all(one.exc_info is None for one in caplog.records)
 
 
 def test_a_message_that_is_too_long_ends_the_connection_which_is_made_again(server):

@@ -14,13 +14,14 @@ from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import Fix
 from gamms.errors import BadValue, NetworkError, nearest
 from gamms.plugins import needing
-from gamms.text import shown
+from gamms.text import reason, shown
 
 if TYPE_CHECKING:
     from roslibpy import Ros
 
 _LONGEST = 1 << 20  # bytes of one message: covariances and point clouds make them long
 _MOST_DELAY_S = 5.0  # before the next attempt to connect
+_MOST_SHOWN = 200  # bytes of an invalid message in the log
 _PATH = "nav_msgs/Path"
 
 
@@ -110,15 +111,18 @@ class RosBridge:
     """A connection to rosbridge; made by `gamms.bridge.rosbridge`.
 
     Attributes:
-        counts: "bad" (not a message of its topic's type), "sent", "unsent" (not connected).
+        counts: "bad" (not a message of its topic's type), "invalid" (no message of rosbridge), "sent", "unsent" (not
+            connected).
     """
 
-    def __init__(self, ros: "Ros", origin: Sequence[float], frame_id: str, clock: Clock | None) -> None:
+    def __init__(
+        self, ros: "Ros", origin: Sequence[float], frame_id: str, clock: Clock | None, counts: Counter[str]
+    ) -> None:
         self._ros = ros
         self._origin = origin
         self._frame_id = frame_id
         self._clock = clock
-        self.counts: Counter[str] = Counter()
+        self.counts = counts
 
     @property
     def is_connected(self) -> bool:
@@ -231,9 +235,12 @@ def rosbridge(
         import roslibpy
     logging.getLogger("roslibpy").addFilter(_once)
 
+    counts: Counter[str] = Counter()
+
     class BoundedRos(roslibpy.Ros):  # type: ignore[misc] # roslibpy has no types
         def connect(self) -> None:
-            """Connect with a bounded length of messages."""
+            """Connect with a bounded length of messages, and with a protocol that skips invalid ones."""
+            self.factory.protocol = _skipping_invalid(self.factory.protocol, counts)
             self.factory.setProtocolOptions(
                 maxFramePayloadSize=_LONGEST, maxMessagePayloadSize=_LONGEST, perMessageCompressionOffers=[]
             )
@@ -249,7 +256,35 @@ def rosbridge(
             f"No rosbridge server answers at {where} within {seconds:g} s. Start it, such as by "
             "'roslaunch rosbridge_server rosbridge_websocket.launch', and check the port."
         ) from None
-    return RosBridge(ros, at, as_name(frame_id, "a frame"), clock)
+    return RosBridge(ros, at, as_name(frame_id, "a frame"), clock, counts)
+
+
+def _skipping_invalid(protocol: type[Any], counts: Counter[str]) -> type[Any]:
+    """Return a protocol that counts messages which roslibpy cannot use; its own prints a traceback for each."""
+
+    class SkippingProtocol(protocol):  # type: ignore[misc] # roslibpy has no types
+        def onMessage(self, payload: bytes, isBinary: bool) -> None:  # noqa: N802, N803 - Autobahn's names
+            flaw = "it is binary" if isBinary else self._use(payload)
+            if not flaw:
+                return
+            counts["invalid"] += 1
+            if counts["invalid"] == 1:
+                logging.getLogger("roslibpy").warning(
+                    "A message of the rosbridge server was skipped (%s): %s. Further ones are only counted, in "
+                    'counts["invalid"].',
+                    flaw,
+                    shown(payload[:_MOST_SHOWN]),
+                )
+
+        def _use(self, payload: bytes) -> str:
+            """Pass a message on, and return why that is impossible; empty if it is not."""
+            try:
+                self.on_message(payload)
+            except Exception as error:  # noqa: BLE001 - whatever a message from outside makes roslibpy raise
+                return reason(error)
+            return ""
+
+    return SkippingProtocol
 
 
 class _LogOnce(logging.Filter):
