@@ -4,6 +4,7 @@ import json
 import re
 import sys
 import time
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -266,3 +267,24 @@ def test_a_context_shows_its_seed_its_size_and_its_turn(grid):
         ctx.game.run(2)
         assert repr(ctx) == "Context(seed=7, nodes=16, agents=1, turn=2)"
     assert repr(ctx) == "Context(seed=7, terminated)"
+
+
+@pytest.mark.parametrize("score", [10**400, -(10**400), Fraction(10**400)])
+@pytest.mark.parametrize("how", ["set", "update", "add"])
+def test_a_score_that_does_not_fit_into_a_float_is_refused_where_it_is_set(ctx, score, how):
+    ctx.game.scores["red"] = 1
+    with pytest.raises(gamms.errors.BadValue, match="The score of 'red' must fit into a float, not "):
+        if how == "set":
+            ctx.game.scores["red"] = score
+        elif how == "update":
+            ctx.game.scores.update(blue=2, red=score)
+        else:
+            ctx.game.scores["red"] += score
+    assert ctx.game.scores == {"red": 1}
+
+
+@pytest.mark.parametrize("score", [10**300, 1e308, float("inf"), True, Fraction(1, 3)])
+def test_other_scores_are_compared_at_the_time_limit(ctx, score):
+    ctx.game.add(gamms.rules.time_limit(1))
+    ctx.game.scores["red"] = score
+    assert ctx.game.run().scores["red"] == score

@@ -4,8 +4,10 @@ from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, Mu
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from itertools import chain
+from math import inf
 from numbers import Real
 from operator import attrgetter
+from sys import float_info
 from types import NoneType
 from typing import Any, Self, cast
 
@@ -36,6 +38,8 @@ _HISTORY = (
 )
 
 
+_LARGEST = float_info.max
+
 _Given = Mapping[Any, float] | Iterable[tuple[Any, float]]
 
 
@@ -44,6 +48,7 @@ class Scores(dict[Any, float]):
 
     Raises:
         BadType: a new score is not a number, or NaN.
+        BadValue: a new score does not fit into a float.
     """
 
     def __init__(self, scores: _Given = (), /, **named: float) -> None:
@@ -78,6 +83,9 @@ class Scores(dict[Any, float]):
 def _refuse_no_score(key: Hashable, score: object) -> None:
     if type(score) is not int and not (isinstance(score, Real) and score == score):  # noqa: PLR0124 - NaN does not
         raise BadType(f"The score of {shown(key)} must be a number, not {shown(score)} ({type(score).__name__}).")
+    number = cast("float", score)
+    if not -_LARGEST <= number <= _LARGEST and number not in (inf, -inf):
+        raise BadValue(f"The score of {shown(key)} must fit into a float, not {shown(score)}.")
 
 
 LogMarks = tuple[Sequence[list[Any]], Sequence[int]]
