@@ -13,7 +13,7 @@ reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was the
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from math import hypot
@@ -29,6 +29,24 @@ from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensor_results import Coverage
+from gamms.plain import (
+    ANYTHING,
+    ID,
+    MOST_WHOLE,
+    NUMBER,
+    TEXT,
+    Misfit,
+    Plain,
+    Shape,
+    between,
+    dict_of,
+    either,
+    list_of,
+    optional,
+    record,
+    tuple_of,
+    whole,
+)
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import AerialState, NodeId, State
@@ -159,12 +177,16 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
             if type(key) is not tuple or len(key) != 3:
                 continue
             kind, turn, by = key
+            if kind not in (ENTRY, _REPORTS):
+                continue
+            if type(turn) is not int or type(by) is not str or type(text) is not str:
+                raise _nonsense(turn, by, text)
             if kind == _REPORTS:
                 for report in _reports_in(turn, by, text):
                     reports.setdefault(report.turn, []).append((by, report))
-            elif kind == ENTRY and by == _ALL:
+            elif by == _ALL:
                 joined.setdefault(turn, set()).add(text)
-            elif kind == ENTRY:
+            else:
                 known = alone.setdefault(turn, {})
                 known[by] = max(text, known.get(by, ""))
     found = {
@@ -213,8 +235,76 @@ def _entries_in(turn: int, text: str) -> Mapping[str, str]:
     """Return the entries in a joined text, by observer."""
     try:
         return {by: _as_text(entry) for by, entry in json.loads(text).items()}
-    except (AttributeError, ValueError) as error:
+    except (AttributeError, ValueError, RecursionError) as error:
         raise _nonsense(turn, _ALL, text) from error
+
+
+# -- memories from recordings ---------------------------------------------------------------------------------------
+
+
+def fits_memory(memory: Mapping[Any, Any], nodes: Container[int]) -> Misfit | None:
+    """Fit memories whose observations can be read: a shape, see `gamms.plain`."""
+    for key, value in memory.items():
+        name = key[0] if type(key) is tuple and len(key) == 3 else key
+        shape = _SHAPES.get(name) if isinstance(name, str) else None
+        if shape is None:
+            continue
+        if type(key) is tuple and _is_joined(key):
+            shape = _as_json(dict_of(TEXT, _ENTRY))
+        if type(key) is tuple and (type(key[1]) is not int or not 0 <= key[1] <= MOST_WHOLE or type(key[2]) is not str):
+            return Misfit((), "a dict whose observations have a turn and an observer", key)
+        misfit = shape(value, nodes)
+        if misfit is not None:
+            return Misfit((key,), misfit.wanted, value)
+    return None
+
+
+def _is_joined(key: tuple[object, object, object]) -> bool:
+    return key[0] == ENTRY and key[2] == _ALL
+
+
+def _as_json(shape: Shape) -> Shape:
+    """Return the shape of texts that hold a JSON value of a shape."""
+
+    def fit(value: Plain, nodes: Container[int]) -> Misfit | None:
+        try:
+            known = json.loads(value) if isinstance(value, str) else ...
+        except (ValueError, RecursionError):
+            known = ...
+        if known is ... or shape(known, nodes) is not None:
+            return Misfit((), "the text of an observation", value)
+        return None
+
+    return fit
+
+
+def _fit_look(value: Plain, nodes: Container[int]) -> Misfit | None:
+    """Fit what `_read_look` reads."""
+    shapes = optional(list_of(ID)), either(_CHANCE, list_of(_CHANCE)), list_of(TEXT), whole(0, 1)
+    if not isinstance(value, list) or not 2 <= len(value) <= len(shapes):
+        return Misfit((), "a list of a look", value)
+    misfits = [shape(part, nodes) for shape, part in zip(shapes, value, strict=False)]
+    steps, detection = value[:2]
+    are_as_many = not isinstance(detection, list) or len(detection) == len(steps or ()) or steps is None
+    return None if misfits == [None] * len(misfits) and are_as_many else Misfit((), "a look", value)
+
+
+_CHANCE = between(0.0, 1.0)
+_ENTRY = record(
+    {},
+    {
+        "found": dict_of(TEXT, either(ID, tuple_of(ID, NUMBER), tuple_of(ID, NUMBER, ID, ID, NUMBER))),
+        "looks": list_of(_fit_look),
+        "closed": optional(list_of(tuple_of(ID, ID, NUMBER))),
+    },
+)
+_SHAPES: dict[str, Shape] = {
+    ENTRY: _as_json(_ENTRY),
+    _REPORTS: _as_json(list_of(tuple_of(TEXT, ID, whole(), ANYTHING))),
+    _MAP: TEXT,
+    _EVENTS: whole(),
+}
+"""First part of a key of a memory -> the shape of its value."""
 
 
 def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
@@ -458,7 +548,7 @@ def _read(turn: int, by: str, text: str) -> Observation:
         found = {name: _read_found(value) for name, value in entry.get("found", {}).items()}
         places = {name: place for name, (_, place) in found.items() if place is not None}
         return Observation({name: node for name, (node, _) in found.items()}, looks, arcs, places)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise _nonsense(turn, by, text) from error
 
 
@@ -466,13 +556,13 @@ def _read(turn: int, by: str, text: str) -> Observation:
 def _reports_in(turn: int, by: str, text: str) -> list[Report]:
     try:
         return [Report(str(name), int(node), int(then), bool(put)) for name, node, then, put in json.loads(text)]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
         raise _nonsense(turn, by, text) from error
 
 
-def _nonsense(turn: int, by: str, text: str) -> BadType:
+def _nonsense(turn: object, by: object, text: object) -> BadType:
     return BadType(
-        f"The memory has {shown(text)} as the observation of {by or 'a team'!r} in turn {turn}. "
+        f"The memory has {shown(text)} as the observation of {shown(by or 'a team')} in turn {shown(turn)}. "
         f"Keys that begin with {ENTRY!r} belong to gamms.belief; do not write to them."
     )
 

@@ -12,6 +12,8 @@ from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as
 from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
+from gamms.game.settings import RuleSpec, declared
+from gamms.plain import ANYTHING, NAME, at, dict_of
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import Move
@@ -108,6 +110,7 @@ class Drive:
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
         self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
+        declared(self, RuleSpec(keeps=at((ROBOTS,), dict_of(NAME, ANYTHING))))
         self.drawer = partial(self._draw)
         legend = LegendRows("", (LegendRow(SIGN, "robot, as measured", sign="plus"),))
         self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)

@@ -253,6 +253,8 @@ class Game(Surface, RuleVerbs):
     def _begin(self) -> None:
         """Take the snapshot that `reset` restores."""
         state = self._state
+        if self._internals.checks_start:
+            self._internals.refuse_misfits()
         earlier = state.start
         state.start = None  # a snapshot with the earlier start would keep all earlier games
         try:

@@ -3,7 +3,7 @@
 A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns the declaration of any rule.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from inspect import iscoroutinefunction
@@ -27,7 +27,7 @@ from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownAttrib
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
 from gamms.ir.game_state import GameState
-from gamms.plain import to_plain
+from gamms.plain import Shape, refuse_misfit, to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
@@ -350,6 +350,9 @@ class RuleSpec:
             these know, for copies that look ahead. Without it, copies have the state after `prepare`.
         rank: a `Rank`; rules of higher rank are called later in the phase.
         key: the key of the rule's state in `ctx.game.data`; unique.
+        keeps: the shape of `ctx.game.data` from which the rule can go on; None: any. It is checked when the rule is
+            added, and when a recording is resumed.
+        reads: the shape of `ctx.game.facts` that the rule can read; checked like `keeps`.
         act_as_one: makes one rule from the `parts` of all rules of a phase with the same function here; it is called in
             place of the first of them.
         parts: the parts for `act_as_one`.
@@ -376,6 +379,8 @@ class RuleSpec:
     disclose: Callable[[Mapping[str, Any], Collection[str]], Mapping[str, Any]] | None = None
     rank: int = Rank.USUAL
     key: str | None = None
+    keeps: Shape | None = None
+    reads: Shape | None = None
     act_as_one: Callable[[Sequence[Any]], Rule] | None = None
     parts: Sequence[Any] = ()
     brings_back: bool = False
@@ -392,6 +397,7 @@ class RuleSpec:
 
 _SPEC = "_rule_spec"
 _ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of users' rules
+_OF_WRAPPED = ("keeps", "reads", "brings_back", "uses_scores", "last_turn")
 _NOTHING = RuleSpec()
 
 
@@ -409,11 +415,21 @@ def rule_spec_of(rule: object) -> RuleSpec:
     """
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
     if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
-        spec = RuleSpec(
-            **{name: getattr(spec, name) for name in (*_ATTRIBUTES, "brings_back", "uses_scores", "last_turn")}
-        )
+        spec = RuleSpec(**{name: getattr(spec, name) for name in (*_ATTRIBUTES, *_OF_WRAPPED)})
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
     return replace(spec, **own) if own else spec
+
+
+def refuse_misfits(spec: RuleSpec, state: GameState, nodes: Container[int]) -> None:
+    """Refuse stored data and facts from which a rule cannot go on.
+
+    Raises:
+        BadValue: they do not fit the declaration of the rule; the message names the part and its value.
+    """
+    if spec.keeps is not None:
+        refuse_misfit(state.data, spec.keeps, "ctx.game.data", nodes)
+    if spec.reads is not None:
+        refuse_misfit(state.facts, spec.reads, "ctx.game.facts", nodes)
 
 
 class NamedRule(NamedTuple):
@@ -457,6 +473,16 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
     join: Any = group[0].spec.act_as_one  # the same of all
     parts = [part for one in sorted(group, key=lambda one: as_code(one.rule)) for part in one.spec.parts]
     return NamedRule(" and ".join([one.name for one in group]), join(parts), group[0].phase)
+
+
+class NodesOf(Container[int]):
+    """The ids of the nodes of a context's map, for checks of stored values."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._graph = ctx.graph.graph
+
+    def __contains__(self, node: object) -> bool:
+        return bool(self._graph.has_node(node))
 
 
 class RuleTable:
@@ -523,6 +549,7 @@ class RuleSet:
         if spec.key is not None and any(one.spec.key == spec.key for one in self.rules):
             raise Duplicate("a rule with a key", spec.key)
         named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)
+        refuse_misfits(spec, self._ctx.game.internals.state, NodesOf(self._ctx))
         if spec.prepare is not None:
             spec.prepare(self._ctx)
         self.put(RuleTable(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank))))

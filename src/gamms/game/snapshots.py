@@ -9,20 +9,23 @@ from typing import Any, NamedTuple, NoReturn, cast
 from gamms.arguments import annotations_of
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
-from gamms.errors import BadType, ContextTerminated, GammsError
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import Collectors, warn_of_idle
-from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
+from gamms.game.settings import NamedRule, NodesOf, Plan, RuleSet, RuleTable, Settings, refuse_misfits
+from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState
+from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
-from gamms.text import DescribedFunction
-from gamms.typing.agent_engine import IAgent
+from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
+from gamms.text import DescribedFunction, shown
+from gamms.typing.agent_engine import AgentType, IAgent
 from gamms.typing.context import HostContext
 
+_KEPT = at((KEPT,), dict_of(NAME, dict_of(NAME, ARRAY_OF_ONE)))  # of array functions
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
 _UNKNOWN = object()
 
@@ -351,6 +354,9 @@ class GameInternals(Guarded):
         digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.
         kept: caches of rules, by name; copies and snapshots do not contain them.
         named_idle: the teams that `warn_of_idle_teams` has named.
+        checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
+            recording was resumed.
+        unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """
 
     _called = "ctx.game.internals"
@@ -366,6 +372,39 @@ class GameInternals(Guarded):
         self.digests: Callable[[], dict[str, str]] | None = None
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
+        self.checks_start = False
+        self.unchecked_arrays = set[Hashable]()
+
+    def refuse_misfits(self) -> None:
+        """Check what rules and strategies have stored, which came from a recording.
+
+        Raises:
+            BadValue: a rule or a strategy cannot go on from it; the message names the part and its value.
+        """
+        ctx = self._parts.ctx
+        state = self.state
+        nodes = NodesOf(ctx)
+        self.checks_start = False
+        refuse_misfit(state.data, _KEPT, "ctx.game.data", nodes)
+        self.unchecked_arrays = {*state.data.get(KEPT, {})}
+        for named in ctx.game.rules:
+            refuse_misfits(named.spec, state, nodes)
+        for name, agent in ctx.agent.agents.items():
+            spec = strategy_spec_of(agent.strategy)
+            own = spec.memory if agent.team is not None else (*spec.memory, *spec.team_memory)
+            start = state.began.get(name)
+            if start is not None and (type(start) is int) != (agent.type is not AgentType.AERIAL):
+                raise BadValue(
+                    f"The start of agent {shown(name)} must be a node, or (x, y, z) if it flies, not {start}."
+                )
+            memory = state.memories.get(name, {})
+            for shape in own:
+                refuse_misfit(memory, shape, "state['memory']", nodes, f" of agent {shown(name)}")
+            if agent.team is None:
+                continue
+            shared = state.team_memories.get(agent.team, {})
+            for shape in spec.team_memory:
+                refuse_misfit(shared, shape, "state['team_memory']", nodes, f" of team {shown(agent.team)}")
 
     def warn_of_idle_teams(self) -> None:
         """Log a warning that lists the teams for which nothing decides; a team is named once."""

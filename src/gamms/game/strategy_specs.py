@@ -1,9 +1,11 @@
-"""Declarations of how batches play a strategy or the plan of a team."""
+"""Declarations of how batches play a strategy or the plan of a team, and of what strategies store."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
+
+from gamms.plain import Shape
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -31,16 +33,20 @@ class CoreStep(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
-    """Declaration of how batches play a strategy, or the plan of a team.
+    """Declaration of how batches play a strategy, or the plan of a team, and of what it stores.
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
         core_steps: the steps that the core tries in order; None: the core does not play the strategy.
+        memory: the shapes of `state["memory"]` from which the strategy, and those that it calls, can go on.
+        team_memory: likewise for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
         is_called_each: whether batches call the strategy game by game although it has an array form.
     """
 
     array_form: Callable[..., Any] | None = None
     core_steps: tuple[CoreStep, ...] | None = None
+    memory: tuple[Shape, ...] = ()
+    team_memory: tuple[Shape, ...] = ()
     is_called_each: bool = False
 
 

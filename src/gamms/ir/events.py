@@ -16,7 +16,7 @@ import numpy as np
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType
 from gamms.ir.event_targets import State
-from gamms.ir.game_state import FIELD_EVENTS, FIELDS, as_looks, as_over
+from gamms.ir.game_state import FIELD_EVENTS, FIELDS, as_looks, as_over, as_turn
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
 from gamms.plain import Plain
@@ -354,13 +354,15 @@ LOGGED: dict[int, str] = {}
 """Kind -> the log of `GameState` to which it adds an entry."""
 
 _TEXTS = {"events": ("kind",), "deeds": ("agent", "deed"), "messages": ("channel", "sender")}  # that entries must have
+_NAMES = {"tag": ("agent", "other"), "respawned": ("agent",), "eliminated": ("agent",)}
+"""Kind of an event -> its fields that rules and drawings read as names of agents."""
 
 
 def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
     """Check an entry of a log of `GameState`, and return it.
 
     Raises:
-        BadType: a required key is missing.
+        BadType: a required key is missing, or a name is not a text.
     """
     found = dict(data)
     missing = next((key for key in _TEXTS[log] if not isinstance(found.get(key), str)), None)
@@ -368,6 +370,10 @@ def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
         raise BadType(f"{shown(found)} is not one of the {log}: it has no {missing}.")
     if type(found.get("turn")) is not int:
         raise BadType(f"{shown(found)} is not one of the {log}: its turn is not an integer.")
+    named = _NAMES.get(found["kind"], ()) if log == "events" else ()
+    wrong = next((key for key in named if not isinstance(found.get(key, ""), str)), None)
+    if wrong is not None:
+        raise BadType(f"{shown(found)} is not one of the {log}: its {wrong} is not a name.")
     return deepcopy(as_message(found) if log == "messages" else found)
 
 
@@ -404,7 +410,7 @@ def _delay(state: State, data: Mapping[str, Plain]) -> None:
 
 
 def _count(state: State, data: Mapping[str, Plain]) -> None:
-    state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
+    state.count(as_turn(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
 
 for _field, (_code, _name, _audience, _key, _) in FIELD_EVENTS.items():

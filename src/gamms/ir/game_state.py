@@ -24,11 +24,14 @@ from gamms.core.copies import (
 )
 from gamms.errors import BadType, BadValue
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
-from gamms.plain import Plain, plain_subset, to_plain
+from gamms.plain import Plain, plain_subset, refuse_misfit, to_plain, whole
 from gamms.readonly import published
 from gamms.text import shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
+KEPT = "array functions"
+"""The key of `data` for the arrays of array functions in a single game."""
+
 LOGS = ("events", "errors", "deeds", "messages")
 """The append-only fields of a state."""
 
@@ -214,6 +217,17 @@ def as_scores(scores: Plain) -> Scores:
         raise BadValue(f"its scores are invalid ({error})") from error
 
 
+def as_turn(turn: Plain) -> int:
+    """Return a checked number of turns.
+
+    Raises:
+        BadValue: it is not an integer, negative or too large.
+    """
+    refuse_misfit(turn, _TURN, "The number of turns", ())
+    return int(turn)
+
+
+_TURN = whole()
 _OVER = {"reason", "winner", "truncated"}
 
 
@@ -303,7 +317,7 @@ class GameState:
     )
     data: dict[str, Any] = game_field(dict, copied, refill=refill, captured=plain_subset)
     over: dict[str, Any] | None = game_field(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
-    turn: int = game_field(int, _same, captured=to_plain, restored=int, axis="game")
+    turn: int = game_field(int, _same, captured=to_plain, restored=as_turn, axis="game")
     events: list[dict[str, Any]] = game_field(list)
     errors: list[dict[str, Any]] = game_field(list)
     deeds: list[dict[str, Any]] = game_field(list)

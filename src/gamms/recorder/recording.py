@@ -353,6 +353,9 @@ class Recording(Surface, StreamOwner):
                 resuming.resume(live, self.reader, turn, self.detached(turn), is_fresh=ctx is None)
                 for name, strategy in chosen.items():
                     live.agent.agents[name].register_strategy(strategy)
+                with reporting_damage(f"This game cannot go on from turn {turn}"):
+                    live.game.internals.refuse_misfits()
+                live.game.internals.checks_start = True
         except BaseException:
             if ctx is None:
                 live.terminate()

@@ -13,6 +13,7 @@ from gamms.arguments import as_function_of, as_ids, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
+from gamms.plain import ID, NUMBER, TEXT, dict_of, either, refuse_misfit, tuple_of
 from gamms.plugins import Registry
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
@@ -35,6 +36,7 @@ builders: Registry[Callable[[], HostContext]] = Registry("builder of games", "ga
 here."""
 
 _SEED_BITS = 63
+_STARTS = dict_of(TEXT, either(ID, tuple_of(NUMBER, NUMBER, NUMBER)))  # agent -> node or (x, y, z)
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
@@ -131,6 +133,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     past = EventHistory(reader)
     with reporting_damage(f"This game cannot go on from turn {turn}"):
         known = history(reader, past, turn)
+        refuse_misfit(known["starts"], _STARTS, "The starts of agents", ())
         known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
             ctx.game.configure(known["settings"])

@@ -10,6 +10,7 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.block.in_core import ONE_THAT_SHOWS
 from gamms.game.settings import Rank, RuleSpec, declared
+from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import made_for
 from gamms.text import shown
@@ -18,6 +19,7 @@ from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 _STARTS = "starts of "
+_PUBLISHED = at((GOALS,), dict_of(NAME, TEXT))
 
 Nodes = NodeId | Iterable[NodeId] | str  # one node, several nodes, or "starts of X"
 
@@ -98,6 +100,7 @@ def reach(
             drawer=render_goals,
             uses_scores=True,
             teams=named,
+            keeps=_PUBLISHED,
             core_form=form if fits_core(score) else None,
         ),
     )
@@ -142,6 +145,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             drawer=render_goals,
             uses_scores=True,
             teams=list(goals),
+            keeps=_PUBLISHED,
             core_form=form if fits_core(points) else None,
         ),
     )

@@ -12,11 +12,12 @@ from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
+from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, record, whole
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
 from gamms.rules.meetings import GameRule, made_for
-from gamms.rules.territory import Colors, Territory, as_territory
+from gamms.rules.territory import Colors, Territory, as_territory, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS
@@ -85,6 +86,7 @@ def capture_flag(
     def capture_flag(ctx: Context) -> None:
         game.play(ctx, made_for(ctx, form))
 
+    grounds = shapes_of_grounds([game.ground])
     form = in_core("capture_flag", game)
     return declared(
         capture_flag,
@@ -98,12 +100,24 @@ def capture_flag(
             prepare_arrays=game.prepare_arrays,
             facts_of=game.facts_of if game.announce else None,
             begin_arrays=game.begin_arrays,
+            keeps=at((game.key,), game.shape),
+            reads=record({}, {**grounds, game.key: _ANNOUNCED} if game.announce else grounds),
         ),
     )
 
 
+_ANNOUNCED = dict_of(NAME, record({"node": ID, "carrier": optional(TEXT)}))
+
+
 class _FlagRule(FlagArguments):
     """The rule with its checked arguments. The state of a game is in `ctx.game.data`."""
+
+    @property
+    def shape(self) -> Shape:
+        """The shape of the rule's state."""
+        carriers = record(dict.fromkeys(self.bases, optional(TEXT)))
+        captures = dict_of(NAME, whole())
+        return record({"bases": dict_of(NAME, ANYTHING), "carriers": carriers, "captures": captures, "seen": whole()})
 
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish the positions of the flags."""

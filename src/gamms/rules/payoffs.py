@@ -5,8 +5,9 @@ from typing import Any
 
 from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name, shown_as_called
 from gamms.context import Context
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.game.settings import Rank, RuleSpec, declared
+from gamms.plain import NAME, at, record, whole
 from gamms.rules.endings import all_know, state_of
 from gamms.text import shown
 from gamms.typing import Rule
@@ -33,6 +34,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
     Raises:
         BadType, BadValue: an argument is invalid.
         UnknownName (KeyError): when the rule pays, an event does not have the field.
+        BadType: when the rule pays, the field of an event has a value that cannot name an agent or a team.
     """
     checked = {as_name(kind, "a kind of event"): _of_roles(kind, of) for kind, of in as_mapping(table, "table").items()}
     if not checked:
@@ -50,7 +52,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         for event in new:
             for role, points in checked.get(event["kind"], {}).items():
                 as_known(role, f"field of an event {event['kind']!r}:", event)
-                team = _team_of(ctx, role, event[role])
+                team = _team_of(ctx, event["kind"], role, event[role])
                 others = [one for one in teams if one != team] if balanced else []
                 if team is None or (balanced and not others):
                     continue
@@ -66,6 +68,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
             rank=Rank.PAYOFFS,
             key=state_key,
             disclose=all_know(_PAYOFFS, state_key),
+            keeps=at((_PAYOFFS, state_key), record({"seen": whole()})),
         ),
     )
 
@@ -79,8 +82,10 @@ def _of_roles(kind: object, given: object) -> dict[str, float]:
     }
 
 
-def _team_of(ctx: Context, role: str, named: Any) -> Hashable:
+def _team_of(ctx: Context, kind: str, role: str, named: Any) -> Hashable:
     """Return the team named by a field of an event, or the team of the agent it names; None if there is none."""
+    if NAME(named, ()) is not None:
+        raise BadType(f"The field {role!r} of an event {kind!r} must name an agent or a team, not {shown(named)}.")
     if role not in _AGENTS and named in ctx.agent.teams:
         team: Hashable = named
         return team

@@ -10,7 +10,20 @@ from gamms.context import Context
 from gamms.errors import BadType, NotOffered
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.plain import to_plain, why_not_plain
+from gamms.plain import (
+    NAME,
+    TEXT,
+    Shape,
+    among,
+    at,
+    dict_of,
+    list_of,
+    optional,
+    record,
+    to_plain,
+    whole,
+    why_not_plain,
+)
 from gamms.rules.endings import all_know, as_nodes, as_teams, refuse_unknown, state_of
 from gamms.rules.meetings import nodes_within
 from gamms.text import shown
@@ -74,8 +87,12 @@ def hold(
             rank=Rank.PLACES,
             key=place.key,
             disclose=all_know(HELD, place.key),
+            keeps=at((HELD, place.key), _HOLDING),
         ),
     )
+
+
+_HOLDING = record({"team": optional(NAME), "turns": whole()}, {"nodes": TEXT, "of": whole()})
 
 
 class _HoldRule(NamedTuple):
@@ -185,6 +202,7 @@ def discover(
             rank=Rank.PLACES,
             key=game.key,
             disclose=all_know(DISCOVERED, game.key),
+            keeps=at((DISCOVERED, game.key), game.shape),
         ),
     )
 
@@ -197,6 +215,12 @@ class _DiscoveryRule(NamedTuple):
     score: float
     hops: float
     key: str
+
+    @property
+    def shape(self) -> Shape:
+        """The shape of the rule's state."""
+        nodes = list_of(among(self.what, f"one of the nodes to discover ({', '.join(map(str, self.what))})"))
+        return record({"by": dict_of(NAME, nodes)}, {"nodes": TEXT})
 
     def prepare(self, ctx: Context) -> None:
         """Check the nodes against the map, and publish that nothing is discovered."""

@@ -12,6 +12,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, shortest_edges
+from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
 from gamms.rules.visits import TraveledEdges
 from gamms.text import shown
@@ -20,6 +21,9 @@ from gamms.typing.game import TEAMS, Leg, Move
 from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns
 
 _EMPTY = ("stay", "eliminate")
+_TANK = record(
+    {"amounts": dict_of(TEXT, NUMBER), "turn": whole(-1), "flights": dict_of(TEXT, whole())}, {"full": NUMBER}
+)
 _SLACK = 1e-9  # tolerance: rounding must not refuse an amount that is just enough
 
 
@@ -99,6 +103,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
             rank=Rank.RESOURCES,
             key=tank.name,
             disclose=tank.disclose,
+            keeps=at((RESOURCES, tank.name), _TANK),
         ),
     )
 
@@ -320,5 +325,6 @@ def cooldown(deed: str, turns: int) -> Rule:
             rank=Rank.RESOURCES,
             key=f"cooldown of {kind}",
             disclose=partial(_cooling, kind),
+            keeps=at((COOLDOWNS, kind), record({"left": dict_of(TEXT, whole())}, {"of": whole()})),
         ),
     )

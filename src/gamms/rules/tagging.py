@@ -14,11 +14,12 @@ from gamms.game.block.in_core import ContactOptions
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
+from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import Side, made_for
-from gamms.rules.territory import Territory, TerritorySource, as_territory
+from gamms.rules.territory import Territory, TerritorySource, as_territory, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
@@ -27,6 +28,7 @@ Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the cont
 
 
 _THEN = ("respawn", "eliminate")
+_COUNTS = dict_of(TEXT, whole())  # agent -> turn, or times
 
 
 @shown_as_called
@@ -119,6 +121,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
             uses_scores=True,
             needs_nodes=any(tagging.nearness.unit == "euclid" for tagging in taggings),
+            reads=record({}, shapes_of_grounds(tagging.ground for tagging in taggings)),
         ),
     )
 
@@ -188,6 +191,7 @@ def respawn(
             disclose=all_know("respawns", key),
             core_form=form,
             begin_arrays=begin_arrays,
+            keeps=at(("respawns", key), record({"out": _COUNTS, "times": _COUNTS})),
         ),
     )
 

@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.graph import IntArray
+from gamms.plain import ANYTHING, ID, NAME, Shape, at, dict_of
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.text import shown
@@ -117,6 +118,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
             prepare=prepare,
             drawer=TerritoryDrawer(fact, colors),
             disclose=all_know(TERRITORIES, fact),
+            keeps=at((TERRITORIES,), dict_of(NAME, ANYTHING)),
             core_form=core_form,
         ),
     )
@@ -157,6 +159,14 @@ def as_territory(territory: object) -> TerritorySource | None:
     if territory is None:
         return None
     return TerritorySource(territory if isinstance(territory, str) else _checked(territory))
+
+
+def shapes_of_grounds(grounds: Iterable[TerritorySource | None]) -> dict[str, Shape]:
+    """Return the shapes of the facts that are territories of rules, by name."""
+    return {one.given: _OWNERS for one in grounds if one is not None and isinstance(one.given, str)}
+
+
+_OWNERS = dict_of(ID, NAME)
 
 
 def _checked(territory: object) -> dict[int, Hashable]:

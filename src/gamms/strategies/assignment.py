@@ -9,17 +9,22 @@ from gamms import kernels
 from gamms.arguments import as_context, as_count, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
+from gamms.plain import ID, TEXT, at, dict_of, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     enemies_in_sight,
     move_to_agent,
     node_of,
+    offer_steps,
     required,
     shared_memory,
 )
 from gamms.strategies.travel import random_walk
 from gamms.typing.game import State, Strategy
 from gamms.typing.routes import made_in_moment, made_last
+
+_REPORTS = dict_of(TEXT, tuple_of(whole(), ID))  # agent -> the turn of a report, and the node
+_BOARD = at(("assign",), record({}, {"mates": _REPORTS, "enemies": _REPORTS}))
 
 
 @shown_as_called
@@ -54,6 +59,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to_agent(ctx, state, target, seen, fallback, "assign")
 
+    offer_steps(strategy, None, fallback, team_memory=_BOARD)
     return strategy
 
 

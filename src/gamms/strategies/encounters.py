@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range, shown_as_called
+from gamms.belief.evidence import fits_memory
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.core import strategies as core
@@ -160,6 +161,7 @@ def intercept(
             meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
             move_to(ctx, state, meeting, fallback, "intercept")
 
+    offer_steps(strategy, None, fallback)
     return strategy
 
 
@@ -208,6 +210,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
             legal = legal_on_map(ctx, state)
             state["action"] = max([node for node in legal if node not in reached] or legal, key=lead)
 
+    offer_steps(strategy, None, fallback)
     return strategy
 
 
@@ -248,6 +251,7 @@ def follow_belief(
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")
 
+    offer_steps(strategy, None, fallback, memory=fits_memory, team_memory=fits_memory)
     return strategy
 
 

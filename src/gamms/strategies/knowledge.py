@@ -14,6 +14,7 @@ from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
+from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -292,17 +293,27 @@ def _pass(_: object) -> None:
 # -- strategies in the core -----------------------------------------------------------------------------------
 
 
-def offer_steps(strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None]) -> None:
+def offer_steps(
+    strategy: Callable[..., None],
+    *steps: CoreStep | Callable[[Any], None] | None,
+    memory: Shape | None = None,
+    team_memory: Shape | None = None,
+) -> None:
     """Declare the steps by which the core plays a strategy, if all strategies that it calls have steps, too.
 
     Args:
         strategy: a function of the state.
-        steps: steps that the core tries, in order.
+        steps: steps that the core tries, in order; strategies that the strategy calls; None: the core cannot play it.
+        memory: the shape of what it stores in `state["memory"]`; None: nothing.
+        team_memory: the shape of what it stores in `state["team_memory"]`; None: nothing.
     """
-    several = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
-    if None not in several:
-        found = tuple(step for own in several for step in own or ())
-        declare(strategy, StrategySpec(core_steps=found))
+    called = [StrategySpec(core_steps=(one,)) if isinstance(one, CoreStep) else strategy_spec_of(one) for one in steps]
+    several = [one.core_steps for one in called]
+    memories = [*((memory,) if memory else ()), *(shape for one in called for shape in one.memory)]
+    shared = [*((team_memory,) if team_memory else ()), *(shape for one in called for shape in one.team_memory)]
+    found = None if None in several else tuple(step for own in several for step in own or ())
+    if found is not None or memories or shared:
+        declare(strategy, StrategySpec(core_steps=found, memory=tuple(memories), team_memory=tuple(shared)))
 
 
 offer_steps(_pass)

@@ -9,6 +9,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import NoPath
 from gamms.game.strategy_specs import CoreStep
+from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     has_speed,
@@ -67,7 +68,9 @@ def route(
         state["action"] = path if path[1] == here else path[1:]
 
     step = CoreStep("follow", stops.nodes, int(is_nearest_first), stops.following, key)
-    offer_steps(strategy, step, fallback)
+    number = whole(0, len(stops.nodes))
+    path = list_of(tuple_of(ID, number, NUMBER))
+    offer_steps(strategy, step, fallback, memory=record({}, {key: number, way_key: optional(tuple_of(NUMBER, path))}))
     return strategy
 
 

@@ -8,12 +8,14 @@ from gamms.arguments import as_context, as_flag, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.plain import ID, NODE, at, optional, set_of
 from gamms.strategies.knowledge import (
     as_otherwise,
     known_nodes,
     move_to,
     node_of,
     nodes_in_view,
+    offer_steps,
     required,
     shared_memory,
 )
@@ -68,7 +70,12 @@ def sweep(
             memory["sweep target"] = target
         move_to(ctx, state, target, fallback, "sweep")
 
+    offer_steps(strategy, None, fallback, memory=_TARGET, team_memory=_VISITED)
     return strategy
+
+
+_TARGET = at(("sweep target",), optional(NODE))
+_VISITED = at(("sweep", "visited"), set_of(ID))
 
 
 def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:

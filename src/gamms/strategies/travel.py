@@ -9,6 +9,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.plain import ANYTHING, NODE, at, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -197,7 +198,8 @@ def random_waypoints(
         memory["random_waypoints"] = target, left
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback)
+    kept = at(("random_waypoints",), tuple_of(optional(NODE), whole(-1)))
+    offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback, memory=kept)
     return strategy
 
 
@@ -256,6 +258,8 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
         begin = CoreStep("mix", number=len(first) + 1, chance=chance)
         skip = CoreStep("skip", number=len(second))
         offer_steps(strategy, begin, a, skip, b)
+    else:
+        offer_steps(strategy, None, a, b)
     return strategy
 
 
@@ -320,6 +324,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
+    offer_steps(unblock, None, goes_on, memory=at(("unblock",), _COUNTERS))
     return unblock
 
 
@@ -328,6 +333,9 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
 
 _NOT_BLOCKED = {"blocked": 0, "calm": 0, "often": 0, "yield": 0, "ahead": None}  # turns, turns, times, turns, a node
 _MOST_OFTEN = 8  # times: up to 256 turns of giving way
+_COUNTERS = record(
+    {"blocked": whole(), "calm": whole(), "often": whole(0, _MOST_OFTEN), "yield": whole(), "ahead": ANYTHING}
+)
 
 
 def _patience_left(state: State, known: dict[str, Any], patience: int, *, is_blocked: bool) -> dict[str, Any]:

@@ -23,12 +23,13 @@ from gamms.game.block.columns import AgentTable, decider_of
 from gamms.game.block.deeds import DeclaredDeeds
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
-from gamms.game.block.state import KEPT, STOPPED, GameArrays
+from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import checked_value
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.one_edge import Movement, PacedMovement
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
+from gamms.ir.game_state import KEPT
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
@@ -165,6 +166,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.shared = world.shared
     state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
     state.kept = game.data.get(KEPT, {})
+    state.unchecked = game.internals.unchecked_arrays
     state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
     if state.flights is not None:
         flying: list[Any] = [roster.agents[number] for number in state.flights.agents.tolist()]

@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.in_core import CoreColumns
-from gamms.game.block.state import KEPT, STOPPED, GameArrays
+from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
@@ -24,6 +24,7 @@ from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
+from gamms.ir.game_state import KEPT
 from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -129,6 +130,7 @@ class InitialState:
             deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
             self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._is_on_edge = np.array([place is not None for _, place in self._progress], np.bool_)
         self._take_departed(game, state)
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [name in known and block.row_of(name) in block.placed for name in names]
@@ -177,8 +179,8 @@ class InitialState:
             state.numbers[one.name][games] = one.initial
             state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
         state.alive[games[:, None], self._agents] = self._alive
-        if self.turn:
-            state.node[games[:, None], self._agents] = self._places[0]
+        has_node = self._is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
+        state.node[games[:, None], self._agents[has_node]] = self._places[0][has_node]
         state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
         state.node[games[:, None], self._gone] = self._gone_at
         state.plays[games[:, None], self._gone_teams] = True

@@ -31,7 +31,6 @@ from gamms.progress import TurnInterrupted
 from gamms.readonly import locked
 from gamms.text import shown
 
-KEPT = "array functions"  # the key of `ctx.game.data` for the arrays of array functions in a single game
 READ = "events"  # with the name of a reader the key of the numbers of events that it has read in each game
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
@@ -181,14 +180,18 @@ def _as_made(first: Arrays, made: Arrays, is_first: BoolArray) -> Arrays:
     Raises:
         BadValue: the memory has other names or shapes.
     """
-    found = {name: _with_all_rows(first.get(name), like, is_first).astype(like.dtype) for name, like in made.items()}
+    found = {name: _with_all_rows(first.get(name), like, is_first) for name, like in made.items()}
     shapes, wanted = ({name: one.shape for name, one in those.items()} for those in (found, made))
     if shapes != wanted:
         raise BadValue(
             f"The arrays that were kept before the batch have the shapes {shapes}, not {wanted}, which make(1) of "
             "keep(key, make) makes."
         )
-    return found
+    for name, one in found.items():
+        kind = made[name].dtype
+        if one.dtype.kind not in "biuf" or (kind.kind in "iu" and not np.isfinite(one).all()):
+            raise BadValue(f"The array {name!r} that was kept has {shown(one)}, which is not {kind}.")
+    return {name: one.astype(made[name].dtype) for name, one in found.items()}
 
 
 def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
@@ -272,6 +275,7 @@ class GameArrays:
         numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
         first: the memory of turns before the batch, as `kept`, but arrays of one game.
+        unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
         facts: the facts that rules have published, by name.
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
@@ -328,6 +332,7 @@ class GameArrays:
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
         self.kept = dict[Hashable, Arrays]()
         self.first = dict[Hashable, Arrays]()
+        self.unchecked = set[Hashable]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.noted_moves: NotedMoves | None = None
@@ -499,9 +504,13 @@ class GameArrays:
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the memory of a rule or a strategy in all games; the first call stores `make(games)`."""
         known = self.kept.get(key)
+        if (known is None or key in self.unchecked) and not callable(make):
+            raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
+        if known is not None and key in self.unchecked:
+            known = _as_made(known, make(1), self.roster.is_first)
+            self.kept[key] = known
+            self.unchecked.discard(key)
         if known is None:
-            if not callable(make):
-                raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
             first = self.first.get(key)
             if first is not None:
                 made = make(1)

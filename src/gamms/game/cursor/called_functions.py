@@ -6,9 +6,9 @@ from itertools import chain
 from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of
 from gamms.game.block.in_core import called_rules, conflicts_in_core, core_form_of
 from gamms.game.block.sensing import called_each_turn
-from gamms.game.block.state import KEPT
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import decides_in_arrays
+from gamms.ir.game_state import KEPT
 from gamms.text import as_code, shown
 
 

@@ -1,0 +1,152 @@
+"""Whatever an enemy writes into what rules and strategies store: a game goes on from it, or says what is wrong."""
+
+import io
+import secrets
+from functools import cache
+
+import numpy as np
+import pytest
+from tampering import GAMES, Builder, RecordedGame, fuzz, go_on
+
+import gamms
+from gamms import rules, strategies
+from gamms.errors import BadValue
+from gamms.recorder import RecordingError
+
+recorded = cache(RecordedGame)
+
+
+ALONE = {"robots": ["built"], "flags_by_metres": ["built", "batch"]}  # others also go on in other ways
+WAYS = [(name, how) for name in GAMES for how in ALONE.get(name, ["built", "fresh", "batch"])]
+
+
+@pytest.mark.parametrize(("name", "how"), WAYS)
+def test_every_game_itself_goes_on(name, how):
+    game = recorded(GAMES[name])
+    go_on(game, game.written(game.begin), how)
+
+
+@pytest.mark.parametrize("name", GAMES)
+def test_tampered_games_go_on_or_end_in_errors_of_gamms(name):
+    fuzz(name, secrets.token_hex(4), 30)
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "count"), [("tags", "a", 20), ("flags", "a", 20), ("places", "a", 20), ("beliefs", "a", 20)]
+)
+def test_tampered_games_of_one_seed_go_on_or_end_in_errors_of_gamms(name, seed, count):
+    fuzz(name, seed, count)
+
+
+PATROL = "patrol [0, 12]"
+WRONG = [
+    ("tags", ("data", "respawns"), 5, r"ctx\.game\.data\['respawns'\] must be a dict, not 5"),
+    (
+        "tags",
+        ("data", "respawns", "respawn", "out"),
+        {"red0": 1 << 80},
+        r"\['out'\]\['red0'\] must be an integer from 0",
+    ),
+    ("tags", ("data", "payoffs", "payoff"), {}, r"must be a dict with the key 'seen', not {}"),
+    ("tags", ("data", "payoffs", "payoff", "seen"), -1, r"\['seen'\] must be an integer from 0 to \d+, not -1"),
+    (
+        "tags",
+        ("team_memories", 0, 1, "assign", "mates"),
+        {5: (1, 2)},
+        "must be a dict whose keys are each a text, not 5",
+    ),
+    ("flags", ("data", "flags", "carriers", "red"), 3, r"\['carriers'\]\['red'\] must be a text, or None, not 3"),
+    ("flags", ("data", "flags", "carriers"), {}, r"\['carriers'\] must be a dict with the key 'blue', not {}"),
+    ("flags", ("data", "flags", "captures"), {"red": "x"}, r"\['captures'\]\['red'\] must be an integer"),
+    ("flags", ("facts", "territory"), "0 1 2", r"ctx\.game\.facts\['territory'\] must be a dict, not '0 1 2'"),
+    ("flags", ("memories", "red1", PATROL), 99, r"state\['memory'\]\['patrol .*'\] of agent 'red1' must be an integer"),
+    (
+        "flags",
+        ("memories", "red2", "random_waypoints"),
+        (77, 0),
+        r"\['random_waypoints'\]\[0\] of agent 'red2' .* a node",
+    ),
+    (
+        "flags",
+        ("memories", "blue2", "unblock", "often"),
+        9,
+        r"\['often'\] of agent 'blue2' must be an integer from 0 to 8",
+    ),
+    ("flags", ("memories", "blue2", "sweep target"), 77, "of agent 'blue2' must be a node of the map, or None, not 77"),
+    ("places", ("data", "held", "hold", "turns"), None, r"\['turns'\] must be an integer from 0 to \d+, not None"),
+    (
+        "places",
+        ("data", "discovered", "discovered", "by"),
+        {"red": [4]},
+        r"one of the nodes to discover \(3, 7\), not 4",
+    ),
+    ("places", ("data", "resources", "fuel", "amounts", "red0"), float("nan"), "must be a finite number, not nan"),
+    ("places", ("data", "cooldowns", "mark", "left"), {"red0": 0.5}, r"\['left'\]\['red0'\] must be an integer"),
+    ("places", ("data", "goals of reach"), {"red": 5}, r"\['goals of reach'\]\['red'\] must be a text, not 5"),
+    (
+        "places",
+        ("starts", "red0"),
+        (1.0, 2.0, 3.0),
+        r"start of agent 'red0' must be a node, or \(x, y, z\) if it flies",
+    ),
+    ("beliefs", ("memories", "red0", "belief map"), 5, r"\['belief map'\] of agent 'red0' must be a text, not 5"),
+    ("arrays", ("data", "array functions"), {"storm": {"level": 3}}, "must be an array of one game, not 3"),
+    ("robots", ("data", "robots"), 3, r"ctx\.game\.data\['robots'\] must be a dict, not 3"),
+    ("tags", ("scores",), [("red", 10**400)], "The score of 'red' must fit into a float"),
+    ("tags", ("turn",), 1 << 62, "The number of turns must be an integer from 0 to"),
+    ("tags", ("turn",), -3, "The number of turns must be an integer from 0 to"),
+]
+
+
+@pytest.mark.parametrize(("name", "path", "value", "message"), WRONG, ids=lambda one: str(one)[:40])
+def test_resume_says_what_is_wrong_with_the_stored_values(name, path, value, message):
+    game = recorded(GAMES[name])
+    data = game.changed(path, value)
+    assert data != game.written(game.begin)
+    with pytest.raises(RecordingError, match=message) as caught:
+        go_on(game, data, "built")
+    assert "turn 0" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "value", "message"),
+    [
+        ("tags", ("data", "payoffs", "payoff"), 5, r"ctx\.game\.data\['payoffs'\]\['payoff'\] must be a dict, not 5"),
+        ("flags", ("memories", "red1", PATROL), 99, r"of agent 'red1' must be an integer from 0 to 2, not 99"),
+    ],
+)
+def test_rules_and_strategies_that_are_added_later_say_it_too(name, path, value, message):
+    game = recorded(GAMES[name])
+    with pytest.raises(BadValue, match=message):
+        go_on(game, game.changed(path, value), "fresh")
+
+
+def walkers(ctx=None):
+    make = Builder(ctx, speed_unit="metres")
+    make.team("red", *[strategies.goto(make.ctx, 24)] * 3, speed=7.0)
+    return make.rules(rules.time_limit(30))
+
+
+def test_a_batch_keeps_agents_on_their_edges_also_at_turn_0():
+    game = RecordedGame(walkers)
+    with game.build() as ctx, gamms.recorder.open(io.BytesIO(game.changed(("turn",), 0))) as recording:
+        recording.resume(0, ctx=ctx)
+        nodes = np.array([agent.current_node_id for _, agent in sorted(ctx.agent.agents.items())])
+        with ctx.game.batch(1) as games:
+            is_on_edge = games.columns()["edge"][0] >= 0
+            ids = ctx.graph.columns().node_ids[games.columns()["node"][0]]
+            assert is_on_edge.any()
+            assert ids[is_on_edge].tolist() == nodes[is_on_edge].tolist()
+            games.step()
+
+
+def test_a_context_is_unchanged_after_a_recording_that_does_not_fit_it():
+    game = recorded(GAMES["tags"])
+    data = game.changed(("data", "payoffs", "payoff"), 5)
+    with game.build() as ctx:
+        ctx.game.run(2)
+        before = ctx.game.data, ctx.game.turn, [agent.current_node_id for agent in ctx.game.agents]
+        with gamms.recorder.open(io.BytesIO(data)) as recording, pytest.raises(RecordingError):
+            recording.resume(0, ctx=ctx)
+        assert (ctx.game.data, ctx.game.turn, [agent.current_node_id for agent in ctx.game.agents]) == before
