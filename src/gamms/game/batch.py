@@ -37,6 +37,7 @@ from gamms.game.result import Result
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
+from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted, uninterrupted
 from gamms.progress import progress as progress_line
 from gamms.readonly import Immutable, locked
@@ -512,7 +513,10 @@ class Batch(Immutable):
             numbers = as_array(points, f"Scores of {shown(key)}", "numbers")
             if numbers.shape not in {(), (len(self),)} or np.isnan(numbers).any():
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
-        self._arrays("load").load(columns, as_count(turn, "turn", least=0), scores or {})
+        played = as_count(turn, "turn", least=0)
+        if played > MOST_WHOLE:
+            raise BadValue(f"turn must be at most {MOST_WHOLE}, not {shown(turn)}.")
+        self._arrays("load").load(columns, played, scores or {})
         self._hide()
         self._begun[:] = -1
 

@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from copy import copy, deepcopy
 from functools import partial
 from itertools import chain
+from sys import float_info
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -25,8 +26,10 @@ from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
 from gamms.kernels.draws import BitArray
+from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted
 from gamms.readonly import locked
 from gamms.text import shown
@@ -39,6 +42,22 @@ Purpose = tuple[str | int, ...]
 Heading = tuple[float, float] | None
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
+
+
+class Limit(NamedTuple):
+    """The least and the largest value of a column."""
+
+    least: float
+    most: float
+
+    def __str__(self) -> str:
+        return (
+            "numbers of at least 0 and less than 1" if self == _SHARE else f"numbers from {self.least} to {self.most}"
+        )
+
+
+_SHARE = Limit(0.0, float(np.nextafter(1.0, 0.0)))  # of an edge
+_FINITE = Limit(-float_info.max, float_info.max)
 
 
 class LeavesSharedContext(GammsError):
@@ -456,20 +475,75 @@ class GameArrays:
                 f"columns must come from the same number of games of this scenario, after a turn of these: "
                 f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
-        nodes = self.streets.num_nodes
-        edges = len(self.movement.columns.edge_ids)
-        limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
-        limits |= {"start": (0 if self.roster.is_first.all() else -1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
+        limits = self._limits()
         for name, values in columns.items():
             numbers = np.asarray(values)
             kind = mine[name].dtype
             if not np.can_cast(numbers.dtype, kind, "same_kind"):
                 raise BadValue(f"The column {name!r} is of {kind}, not of {numbers.dtype}.")
             if name in limits:
-                least, end = limits[name]
-                others = numbers[(numbers < least) | (numbers >= end)]
+                limit = limits[name]
+                others = numbers[~((numbers >= limit.least) & (numbers <= limit.most))]  # NaN is among them
                 if len(others):
-                    raise BadValue(f"The column {name!r} has numbers from {least} to {end - 1}, not {others[0]}.")
+                    raise BadValue(f"The column {name!r} has {limit}, not {others[0]}.")
+        self._refuse_contradictions(columns)
+
+    def _limits(self) -> "dict[Hashable, Limit]":
+        """Return the limits of the columns; those of rules and strategies are checked by the core."""
+        nodes = self.streets.num_nodes - 1
+        edges = len(self.movement.columns.edge_ids) - 1
+        first = 0 if self.roster.is_first.all() else -1
+        limits: dict[Hashable, Limit] = {
+            "node": Limit(0, nodes),
+            "previous": Limit(0, nodes),
+            "start": Limit(first, nodes),
+            "begun": Limit(-1, nodes),
+            "covered": _SHARE,
+            "edge": Limit(-1, edges),
+            "share": _SHARE,
+            "motion": Limit(min(Motion), max(Motion)),
+            "stops": Limit(0, MOST_WHOLE),
+        }
+        return limits | {one.name: _FINITE for one in NUMBERS if one.kind is np.float64}
+
+    def _refuse_contradictions(self, columns: Columns) -> None:
+        """Refuse columns that fit alone, and not together.
+
+        Raises:
+            BadValue: the message names the column, the agent and its value.
+        """
+        for name, is_wrong, agents, why in self._contradictions({key: np.asarray(one) for key, one in columns.items()}):
+            if is_wrong.any():
+                game, number = np.argwhere(is_wrong)[0].tolist()
+                agent = self.roster.names[agents[number]]
+                value = np.asarray(columns[name])[game, number]
+                raise BadValue(f"The column {name!r} has {value} for agent {agent!r} of game {game}, {why}.")
+
+    def _contradictions(self, columns: Columns) -> Iterator[tuple[str, BoolArray, Sequence[int], str]]:
+        """Yield the name of a column, a mask of its wrong values, the agents of the mask, and what is wrong."""
+        everyone = range(len(self.roster.names))
+        is_there = columns["is_there"]
+        node = columns["node"]
+        roads = self.movement.columns
+        yield "alive", columns["alive"] & ~is_there, everyone, "who is not in the game by the column 'is_there'"
+        yield "start", is_there & (columns["start"] < 0), everyone, "who is in the game by the column 'is_there'"
+        if "edge" in columns:
+            edge = columns["edge"]
+            begins = roads.sources[edge] if len(roads.sources) else node
+            yield "edge", (edge >= 0) & (begins != node), everyone, "and this edge does not begin at its 'node'"
+        if "begun" in columns:
+            begun = columns["begun"]
+            nodes = self.streets.num_nodes
+            is_joined = np.isin(node * nodes + begun, roads.sources * nodes + roads.targets)
+            yield "begun", (begun >= 0) & ~is_joined, everyone, "and no edge leads there from its 'node'"
+        if self.flights is not None:
+            flyers = self.flights.agents.tolist()
+            flies = is_there[:, flyers]
+            for name in ("position", "previous_position"):
+                is_known: BoolArray = np.all(np.isfinite(columns[name]), axis=-1)
+                yield name, flies & ~is_known, flyers, "who is in the game and needs a position"
+            is_endless: BoolArray = np.any(np.isinf(columns["quat"]), axis=-1)
+            yield "quat", is_endless, flyers, "which is not a rotation"
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
         """Set the state of all games from `columns`, and clear their events and errors."""
