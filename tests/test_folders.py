@@ -307,3 +307,68 @@ def test_another_value_in_the_row_of_a_tournament_is_used_or_refused(made, choos
     except BadFile:
         return
     json.dumps(rows).encode()
+
+
+# -- unfinished files -------------------------------------------------------------------------------------------------
+
+
+def test_writers_of_one_file_at_a_time_do_not_disturb_each_other(tmp_path):
+    file = tmp_path / "table.csv"
+    with folders.whole_file(file) as first:
+        first.write_text("first")
+        with folders.whole_file(file) as second:
+            assert second != first
+            second.write_text("second")
+        assert file.read_text() == "second"
+        assert first.read_text() == "first"
+        with folders.whole_file(file) as third:
+            third.write_text("third")
+    assert file.read_text() == "first"
+    assert [*tmp_path.iterdir()] == [file]
+
+
+def test_the_rest_of_a_killed_writer_is_replaced_with_its_permissions(tmp_path):
+    file = tmp_path / "table.csv"
+    rest = tmp_path / ".table.csv.part"
+    rest.write_text("a very long rest")
+    rest.chmod(0o600)
+    with folders.whole_file(file) as beside:
+        assert beside == rest
+        assert beside.read_text() == ""
+        beside.write_text("new")
+    (tmp_path / "usual").write_text("")
+    assert file.read_text() == "new"
+    assert file.stat().st_mode == (tmp_path / "usual").stat().st_mode
+    assert {one.name for one in tmp_path.iterdir()} == {"table.csv", "usual"}
+
+
+@pytest.mark.parametrize("put", ["link", "folder", "pipe"])
+def test_something_else_in_the_place_of_an_unfinished_file_is_left_alone(tmp_path, put):
+    file = tmp_path / "table.csv"
+    rest = tmp_path / ".table.csv.part"
+    if put == "link":
+        rest.symlink_to(tmp_path / "elsewhere")
+    elif put == "folder":
+        rest.mkdir()
+    else:
+        os.mkfifo(rest)
+    with folders.whole_file(file) as beside:
+        beside.write_text("new")
+    assert file.read_text() == "new"
+    assert not (tmp_path / "elsewhere").exists()
+    assert {one.name for one in tmp_path.iterdir()} == {"table.csv", ".table.csv.part"}
+
+
+def test_after_an_error_a_file_is_unchanged_and_nothing_is_beside_it(tmp_path):
+    file = tmp_path / "table.csv"
+    file.write_text("old")
+    with pytest.raises(RuntimeError), folders.whole_file(file) as beside:
+        beside.write_text("new")
+        raise RuntimeError
+    with (
+        pytest.raises(FileNotFoundError, match=r"none/x\.csv"),
+        folders.whole_file(tmp_path / "none" / "x.csv") as beside,
+    ):
+        beside.write_text("new")
+    assert file.read_text() == "old"
+    assert [*tmp_path.iterdir()] == [file]

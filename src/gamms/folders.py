@@ -8,6 +8,7 @@ import csv
 import errno
 import json
 import os
+import shutil
 import stat
 import sys
 import tempfile
@@ -28,6 +29,8 @@ Scalar = bool | int | float | str | None
 """The type of a value in a row of a table."""
 
 LOCK = "lock"
+_SAFE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # flags of calls that follow no link and never wait
+_CLAIMS = 3  # attempts to take a place from a program that was killed
 _DEEPEST = 64  # levels of JSON; a scenario, which may have 40, is in a plan
 _MOST_DIGITS = 300  # of an integer, which then fits into a float
 _BYTES_PER_LETTER = 4  # of memory for each byte of JSON: a text with an emoji has four bytes for each letter
@@ -109,6 +112,9 @@ def locked(folder: Path) -> Iterator[None]:
 
 if sys.platform == "win32":  # pragma: no cover
 
+    def _holds(_: int) -> bool:
+        return False
+
     def _locks(file: BinaryIO) -> bool:
         import msvcrt
 
@@ -119,6 +125,16 @@ if sys.platform == "win32":  # pragma: no cover
         return True
 
 else:
+
+    def _holds(number: int) -> bool:
+        """Lock an open file or folder until all its descriptors are closed, for other threads, too."""
+        import fcntl
+
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
 
     def _locks(file: BinaryIO) -> bool:
         """Lock a file until this process closes it; forked children do not have the lock."""
@@ -166,14 +182,71 @@ def whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
             yield path
         return
     real = Path(os.path.realpath(path)) if through_links else path
-    beside = real.with_name(f".{real.name}.{os.getpid()}.{threading.get_ident()}.part")
+    with place_beside(real) as beside, naming(path, beside):
+        yield beside
+        beside.replace(real)
+
+
+@contextmanager
+def place_beside(real: Path, *, is_folder: bool = False) -> Iterator[Path]:
+    """Yield the path of an unfinished file beside `real`; it is deleted at the end, unless it was moved.
+
+    The path is the same each time, so that the next writer replaces the file that a killed program has left. While
+    another writer holds it, and on systems without locks for it, the path is that of this thread alone.
+
+    Args:
+        real: the path of the finished file, or of the finished folder.
+        is_folder: whether to make a folder; otherwise there may be an empty file.
+
+    Raises:
+        OSError: the folder cannot be made.
+    """
+    beside = real.with_name(f".{real.name}.part")
+    lock = _claimed(beside, is_folder=is_folder)
+    if lock is None:
+        beside = real.with_name(f".{real.name}.{os.getpid()}.{threading.get_ident()}.part")
+        if is_folder:
+            _delete(beside)
+            beside.mkdir()
     try:
-        with naming(path, beside):
-            yield beside
-            beside.replace(real)
+        yield beside
     finally:
         with suppress(OSError):
-            beside.unlink()
+            if lock is None or os.path.samestat(beside.lstat(), os.fstat(lock)):  # else it was moved
+                _delete(beside)
+        if lock is not None:
+            os.close(lock)
+
+
+def _claimed(place: Path, *, is_folder: bool) -> int | None:
+    """Make an empty file or folder, and return a descriptor that locks it; None: another writer has it."""
+    for _ in range(_CLAIMS):
+        number = None
+        try:
+            if is_folder:
+                with suppress(FileExistsError):
+                    place.mkdir()
+            number = os.open(place, os.O_RDONLY if is_folder else os.O_RDWR | os.O_CREAT | _SAFE, 0o666)
+            kind = stat.S_IFMT(os.fstat(number).st_mode)
+            is_mine = kind == (stat.S_IFDIR if is_folder else stat.S_IFREG) and _holds(number)
+            if is_mine and os.path.samestat(place.lstat(), os.fstat(number)):
+                if not (any(place.iterdir()) if is_folder else os.fstat(number).st_size):
+                    return number
+                _delete(place)  # the rest of a killed program, with its own permissions
+        except OSError:
+            is_mine = False
+        if number is not None:
+            os.close(number)
+        if not is_mine:
+            return None
+    return None
+
+
+def _delete(place: Path) -> None:
+    if place.is_dir() and not place.is_symlink():
+        shutil.rmtree(place)
+    else:
+        place.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -246,9 +319,8 @@ def opened(file: Path, mode: Literal["rb", "ab", "r+b"]) -> BinaryIO:
 
 
 def _regular(path: str, flags: int) -> int:
-    safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
-        number = os.open(path, flags | safe, 0o666)
+        number = os.open(path, flags | _SAFE, 0o666)
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.EACCES) or stat.S_ISREG(os.lstat(path).st_mode):
             raise

@@ -2,7 +2,11 @@
 
 import io
 import os
+import signal
 import stat
+import struct
+import subprocess
+import sys
 import zipfile
 
 import pytest
@@ -174,3 +178,119 @@ def test_the_commands_pack_and_unpack(folder, tmp_path):
     assert CliRunner().invoke(cli.app, ["experiment", "unpack", study, str(new)]).exit_code == 0
     assert contents(new) == contents(folder)
     assert CliRunner().invoke(cli.app, ["experiment", "unpack", study, str(new)]).exit_code == 1
+
+
+# -- killed programs, full disks ------------------------------------------------------------------------------------
+
+DYING = """
+import os, shutil, signal, sys
+from gamms import experiment
+
+copy, calls = shutil.copyfileobj, []
+
+
+def copy_or_die(source, target, *size):
+    calls.append(target)
+    target.write(source.read(10))
+    if len(calls) == int(sys.argv[1]):
+        target.flush()
+        os.kill(os.getpid(), signal.SIGKILL)
+    copy(source, target, *size)
+
+
+shutil.copyfileobj = copy_or_die
+getattr(experiment, sys.argv[2])(sys.argv[3], sys.argv[4])
+"""
+
+
+def killed(number, function, source, target):
+    """Let another program be killed while it copies a file."""
+    words = [sys.executable, "-c", DYING, str(number), function, str(source), str(target)]
+    assert subprocess.run(words, check=False).returncode == -signal.SIGKILL
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kills by signals")
+@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("is_there", [False, True])
+def test_a_killed_unpack_leaves_no_half_folder_and_the_next_one_leaves_no_rest(folder, tmp_path, number, is_there):
+    experiment.pack(folder, tmp_path / "study.zip")
+    new = tmp_path / "new"
+    if is_there:
+        new.mkdir(0o700)
+    killed(number, "unpack", tmp_path / "study.zip", new)
+    assert new.exists() == is_there
+    assert not (new / "experiment.json").exists()
+    assert experiment.unpack(tmp_path / "study.zip", new) == len(contents(folder))
+    assert contents(new) == contents(folder)
+    assert {one.name for one in tmp_path.iterdir()} == {"study.zip", "new"}
+    assert not is_there or stat.S_IMODE(new.stat().st_mode) == 0o700
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kills by signals")
+def test_a_killed_pack_leaves_the_old_file_and_the_next_one_leaves_no_rest(folder, tmp_path):
+    file = tmp_path / "study.zip"
+    file.write_bytes(b"old")
+    killed(2, "pack", folder, file)
+    assert file.read_bytes() == b"old"
+    assert len([*tmp_path.iterdir()]) == 2
+    experiment.pack(folder, file)
+    assert [*tmp_path.iterdir()] == [file]
+    assert experiment.unpack(file, tmp_path / "new") == len(contents(folder))
+
+
+FULL = """
+import resource, sys
+from gamms import experiment
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600))
+try:
+    getattr(experiment, sys.argv[1])(sys.argv[2], sys.argv[3])
+except OSError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
+@pytest.mark.parametrize("function", ["pack", "unpack"])
+def test_a_full_disk_is_told_with_the_name_of_the_file(folder, tmp_path, function):
+    experiment.pack(folder, tmp_path / "study.zip")
+    source = folder if function == "pack" else tmp_path / "study.zip"
+    target = tmp_path / ("other.zip" if function == "pack" else "new")
+    words = [sys.executable, "-c", FULL, function, str(source), str(target)]
+    told = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+    named = str(target) if function == "pack" else f"{target}/"
+    assert told.startswith(f"[Errno 27] File too large: '{named}")
+    assert ".part" not in told
+    assert [*tmp_path.iterdir()] == [tmp_path / "study.zip"]
+
+
+def with_offset(data, offset):
+    """Return a ZIP file in which the last file begins elsewhere, by the field for large files."""
+    at = data.rindex(b"PK\x01\x02")
+    end = data.rindex(b"PK\x05\x06")
+    entry = bytearray(data[at:end])
+    name = int.from_bytes(entry[28:30], "little")
+    field = struct.pack("<HHQ", 1, 8, offset)
+    entry[42:46] = b"\xff" * 4
+    entry[30:32] = len(field).to_bytes(2, "little")
+    table = int.from_bytes(data[end + 12 : end + 16], "little") + len(field)
+    tail = data[end : end + 12] + table.to_bytes(4, "little") + data[end + 16 :]
+    return data[:at] + entry[: 46 + name] + field + tail
+
+
+@pytest.mark.parametrize("offset", [5, 10**6, 2**32 - 1, 2**32, 2**63 - 1, 2**63, 2**64 - 1])
+def test_a_place_beyond_the_file_is_refused(tmp_path, offset):
+    data = foreign(tmp_path / "good.zip", entry("x")).read_bytes()
+    (tmp_path / "bad.zip").write_bytes(with_offset(data, offset))
+    with pytest.raises(BadFile, match=r"bad\.zip"):
+        experiment.unpack(tmp_path / "bad.zip", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(folder, tmp_path):
+    experiment.pack(folder, tmp_path / "study.zip")
+    (tmp_path / "new").write_text("mine")
+    for place in (tmp_path / "new", tmp_path / "new" / "below"):
+        with pytest.raises(BadValue, match="it is not a folder"):
+            experiment.unpack(tmp_path / "study.zip", place)
+    assert (tmp_path / "new").read_text() == "mine"

@@ -37,6 +37,7 @@ from gamms.folders import (
     made_folder,
     naming,
     opened,
+    place_beside,
     refuse_link,
     whole_file,
     write_csv,
@@ -433,22 +434,29 @@ def unpack(file: str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
     """
     source = as_path(file, "file")
     target = as_path(folder, "folder")
-    if target.is_symlink() or (target.is_dir() and any(target.iterdir())):
+    is_new = not target.is_dir()
+    # In a folder that is there already, which may be a disk, files become visible when all are complete.
+    place = target if is_new else target / target.name
+    rest = place.with_name(f".{place.name}.part")
+    if target.is_symlink() or not (is_new or {*target.iterdir()} <= {rest}):
         raise BadValue(f"{str(target)!r} is not empty, or a link to another folder. Name a new folder.")
+    if is_new and target.exists():
+        raise BadValue(f"There is {str(target)!r} already, and it is not a folder. Name another folder.")
     with opened(Path(os.path.realpath(source)), "rb") as stream, _damage(source):
         count = _checked_end(stream, source)
         with zipfile.ZipFile(stream) as packed:
             entries = packed.infolist()
             if len(entries) != count:
                 raise zipfile.BadZipFile(f"it lists {len(entries):,} files, and should list {count:,}")
-            _check(entries, source)
-            with made_folder(target):
-                try:
-                    for one in entries:
-                        _restore(packed, one, target)
-                except BaseException:
-                    _empty(target)
-                    raise
+            _check(entries, source, stream.seek(0, os.SEEK_END))
+            with made_folder(target.parent), place_beside(place, is_folder=True) as beside:
+                for one in entries:
+                    _restore(packed, one, beside, target)
+                if is_new:
+                    beside.replace(target)
+                else:
+                    for moved in sorted(beside.iterdir(), key=lambda one: one.name == PLAN):
+                        moved.replace(target / moved.name)
     return len(entries)
 
 
@@ -479,8 +487,8 @@ def _checked_end(stream: BinaryIO, file: Path) -> int:
     return int.from_bytes(end[10:12], "little")
 
 
-def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
-    """Check all names, kinds and sizes.
+def _check(entries: list[zipfile.ZipInfo], file: Path, size: int) -> None:
+    """Check all names, kinds, sizes and places in a file of `size` bytes.
 
     Raises:
         BadFile: `pack` does not write such an entry.
@@ -493,6 +501,8 @@ def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
     around = set[str]()
     for one, place in zip(entries, places, strict=True):
         why = _fault(one)
+        if why is None and not 0 <= one.header_offset < size:
+            why = f"its place, byte {one.header_offset:,}, is not in the file"
         key = _folded(place)
         if why is None and key in seen:
             why = "it is there twice"
@@ -528,16 +538,11 @@ def _fault(one: zipfile.ZipInfo) -> str | None:
     return None
 
 
-def _restore(packed: zipfile.ZipFile, one: zipfile.ZipInfo, folder: Path) -> None:
-    file = folder.joinpath(*one.filename.split("/"))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with packed.open(one) as stream, file.open("xb") as into:
-        shutil.copyfileobj(stream, into, _CHUNK)
-
-
-def _empty(folder: Path) -> None:
-    for one in folder.iterdir():
-        if one.is_dir() and not one.is_symlink():
-            shutil.rmtree(one, ignore_errors=True)
-        else:
-            one.unlink()
+def _restore(packed: zipfile.ZipFile, one: zipfile.ZipInfo, folder: Path, target: Path) -> None:
+    """Write a file into the folder that becomes `target`."""
+    parts = one.filename.split("/")
+    file = folder.joinpath(*parts)
+    with naming(target.joinpath(*parts), file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with packed.open(one) as stream, file.open("xb") as into:
+            shutil.copyfileobj(stream, into, _CHUNK)

@@ -3,7 +3,7 @@
 import os
 from base64 import b64encode
 from collections.abc import Collection, Mapping
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.arguments import as_float, as_int, as_path, as_target
 from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
-from gamms.folders import naming
+from gamms.folders import naming, place_beside
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
@@ -356,11 +356,16 @@ class Film:
         self._place = plan.path.resolve()
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
-        self._part = self._place.with_name(f".{self._place.name}.{os.getpid()}.part")
-        with naming(self.plan.path, self._part):
-            self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
-                self._part, frames.width, frames.height, plan.fps
-            )
+        self._beside = ExitStack()
+        self._part = self._beside.enter_context(place_beside(self._place))
+        try:
+            with naming(self.plan.path, self._part):
+                self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
+                    self._part, frames.width, frames.height, plan.fps
+                )
+        except BaseException:
+            self._beside.close()
+            raise
         _being_made[self._place] = self
         self.frames = 0
 
@@ -425,7 +430,7 @@ class Film:
                 self._close()
 
     def _close(self) -> None:
-        self._part.unlink(missing_ok=True)
+        self._beside.close()
         _being_made.pop(self._place, None)
         if self in self._open:
             self._open.remove(self)
