@@ -293,6 +293,26 @@ def test_agents_by_metres_stay_on_a_map_without_edges():
             assert_as_alone(games, alone)
 
 
+@pytest.mark.parametrize("unit", ["edges", "metres", "metres_per_second"])
+def test_views_have_all_their_values_on_a_map_without_edges(unit):
+    with gamms.create_context(seed=1, game={"speed_unit": unit}) as ctx:
+        ctx.graph.add_nodes([0, 1], [0.0, 10.0], [0.0, 0.0])
+        eyes = ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=100)
+        for node, team in enumerate(("red", "blue")):
+            speed = None if unit == "edges" else 3.0
+            options = {"start_node_id": node, "team": team, "sensors": [eyes], "speed": speed}
+            ctx.agent.create_agent(team, strategy=strategies.stay, **options)
+        with ctx.game.batch(2) as games:
+            for _ in range(2):
+                view = games.observe("red")
+                assert view["xy"].tolist() == [[[0.0, 0.0]]] * 2
+                assert view["edge"].tolist() == [[[-1, -1, -1]]] * 2
+                assert view["offset_m"].tolist() == [[0.0]] * 2
+                assert view.vector().values.shape[:2] == (2, 1)
+                assert view.enemies().nodes.tolist() == [1, 1]
+                games.step()
+
+
 @pytest.mark.parametrize("unit", ["edges", "metres"])
 def test_ways_that_do_not_fit_into_memory_are_refused_by_the_core(unit):
     scenario = BY_METRES.replace(**{"settings.speed_unit": unit, "teams.red.speed": 1e9})

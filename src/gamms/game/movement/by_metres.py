@@ -232,4 +232,7 @@ class MetricMovement(PacedMovement):
     def offsets(self, which: tuple[IntArray, IntArray]) -> FloatArray:
         """Return the distances of agents along their edges, map units."""
         edge = self.on_edge(which)
-        return np.where(edge >= 0, self.share[which] * self.columns.lengths[edge], 0.0)
+        is_on_edge = edge >= 0
+        found = np.zeros(edge.shape)
+        found[is_on_edge] = self.share[which][is_on_edge] * self.columns.lengths[edge[is_on_edge]]
+        return found
