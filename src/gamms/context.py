@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
 from gamms.compat import Surface
-from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
+from gamms.deciding import DecidePhase, Guarded, add_copies, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.text import printable, shown
 from gamms.typing.context import contexts
@@ -346,7 +346,7 @@ class Context(Surface, Guarded, typing.IContext):
         if self.is_terminated():
             raise ContextTerminated("copy.deepcopy")
         twin, parts = self.fork(self._seed) if self._game is None else self._game.internals.fork(self._seed)
-        memo |= parts
+        add_copies(memo, parts)
         twin.reseed(self._seed, self.rng_state())
         twin.is_seeded = self.is_seeded
         if self.graph.storage.has_placed:

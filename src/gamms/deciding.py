@@ -172,6 +172,19 @@ class ContextPart(Guarded):
         return self
 
 
+def add_copies(memo: dict[int, Any], copies: dict[int, Any]) -> None:
+    """Add the copies of one `copy.deepcopy` to the memo of another.
+
+    Args:
+        memo: the memo that gets them.
+        copies: the other memo. Its list of the objects that must live as long as their ids are known is under its own
+            id, which a later object may have.
+    """
+    kept = copies.pop(id(copies), [])
+    memo.update(copies)
+    memo.setdefault(id(memo), []).extend(kept)
+
+
 def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
     """Return a copy of a part for a copy of its context.
 

@@ -108,3 +108,22 @@ def test_what_holds_a_part_of_a_context_holds_the_same_in_copies():
         held = {"agent": ctx.agent.get_agent("anna"), "sensor": ctx.sensor.get_sensor("AGENT"), "game": ctx.game}
         for key, part in copy.deepcopy(held).items():
             assert part is held[key]
+
+
+class Slotted:
+    """An object whose copy needs a dict that lives only while it is copied."""
+
+    __slots__ = ("number", "seen")
+
+    def __init__(self, number):
+        self.number = number
+        self.seen = [number]
+
+
+def test_what_holds_a_context_is_copied_with_it():
+    with world() as ctx:
+        planner = {"ctx": ctx, "anna": ctx.agent.get_agent("anna"), "plans": [Slotted(number) for number in range(200)]}
+        twin = copy.deepcopy(planner)
+        assert [(one.number, one.seen) for one in twin["plans"]] == [(number, [number]) for number in range(200)]
+        assert twin["anna"] is twin["ctx"].agent.get_agent("anna")
+        twin["ctx"].terminate()

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn, cast
 
 from gamms.arguments import annotations_of
 from gamms.core.copies import copied
-from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
+from gamms.deciding import DecidePhase, Guarded, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.movement.moves import TurnMoves
@@ -259,9 +259,7 @@ def own(value: object, memo: Memo) -> Any:
         made = deepcopy(value, trial)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
         return value
-    kept = trial.pop(id(trial), ())  # these objects must live as long as their ids are in a memo
-    memo.update(trial)
-    memo.setdefault(id(memo), []).extend(kept)
+    add_copies(memo, trial)
     return made
 
 
