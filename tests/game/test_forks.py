@@ -184,6 +184,35 @@ def test_sensors_of_a_fork_are_its_own(grid):
 # -- when -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("form", ["columns", "objects", "deleted"])
+def test_the_team_of_a_fork_is_its_own(grid, form):
+    ctx = gamms.create_context(seed=1)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+    ctx.sensor.create_sensor("near", SensorType.NEIGHBOR)
+    sensors = ["near"] if form == "objects" else []
+    team = ctx.agent.create_team("red", [0, 1, 3], columns={"energy": [1, 2, 3]}, sensors=sensors)
+    if form == "deleted":
+        team.agents[1].energy = 7
+        _ = team.agents[2]
+        ctx.agent.delete_agent("red_2")
+    seen = []
+
+    def shift(ctx):
+        team.move([1, 4, 0])
+        team.set("energy", team["energy"] + 1)
+        seen.append((team.node_ids.tolist(), team["energy"].tolist()))
+
+    ctx.game.add(shift)
+    before = team.node_ids.tolist(), team["energy"].tolist()
+    ahead = ctx.game.fork(2)
+    ahead.step()
+    assert (team.node_ids.tolist(), team["energy"].tolist()) == before
+    assert [agent.current_node_id for agent in ahead.agents] == [1, 4, 0][: len(ctx.agent.agents)]
+    ctx.game.step()
+    assert seen[0] == seen[1]
+    ctx.terminate()
+
+
 @pytest.mark.parametrize("come", range(3))
 def test_agents_of_a_fork_meet_where_they_are_in_the_fork(grid, come):
     """Agents that came between the last turn and the fork were left out, where versions of both games were equal."""

@@ -11,7 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.agent.agent import Agent, BaseAgent
 from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
-from gamms.deciding import phase_of
+from gamms.deciding import ContextPart, copied_part, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
@@ -158,7 +158,7 @@ class AgentsByName(Agents):
                 self._made(name, found)
 
 
-class Team:
+class Team(ContextPart):
     """A team created by `ctx.agent.create_team`: agents `red_0`, `red_1`, …, in this order in all arrays.
 
     Members are ordinary agents, and stay in the team object when their team changes or they are deleted. The object of
@@ -171,6 +171,7 @@ class Team:
 
     def __init__(self, ctx: IContext, name: str, members: UncreatedMembers, block_of: Callable[[], AgentBlock]) -> None:
         self._ctx = ctx
+        self._phase = phase_of(ctx)
         self.name = name
         self.names = members.names
         self._members = members
@@ -178,6 +179,19 @@ class Team:
         self._rows: tuple[Any, Any] = None, None  # the block, and the result of `_selection` for it
         self._draws = 0
         self._keys: BitArray | None = None  # keys of the names, for draws
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Team":
+        """Return the team of a copy of the context; without such a copy, stay itself."""
+        ctx = memo.get(id(self._ctx))
+        if ctx is None:
+            return self
+        members: UncreatedMembers = memo.get(id(self._members)) or self._members.copied()
+        memo[id(self._members)] = members
+        for name, agent in self._members.made.items():
+            members.made[name] = memo.get(id(agent)) or copied_part(agent, memo)
+        twin = Team(ctx, self.name, members, lambda: ctx.agent.block)
+        twin._draws = self._draws
+        return twin
 
     def __repr__(self) -> str:
         """Return a text with the name and the number of agents."""

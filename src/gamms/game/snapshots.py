@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, NoReturn, cast
 
 from gamms.arguments import annotations_of
 from gamms.core.copies import copied
-from gamms.deciding import DecidePhase, Guarded, add_copies, copied_part, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, Guarded, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.movement.moves import TurnMoves
@@ -267,7 +267,7 @@ def _rebound(value: object, memo: Memo) -> Any:
     known = memo.get(id(value), _UNKNOWN)
     if known is not _UNKNOWN:
         return known
-    rebind = _REBOUND.get(type(value))
+    rebind = _REBOUND.get(type(value), deepcopy if isinstance(value, ContextPart) else None)
     return value if rebind is None else rebind(value, memo)
 
 
