@@ -5,15 +5,16 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import deepcopy
 from enum import Enum
 from functools import lru_cache, update_wrapper, wraps
 from itertools import islice
 from numbers import Real
 from operator import index
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast, get_args
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, SupportsIndex, TypeVar, cast, get_args
 
 from gamms.errors import BadType, BadValue, MissingFolder, UnknownName, nearest
-from gamms.text import DescribedFunction, as_code, shown
+from gamms.text import NamedCall, as_code, shown
 
 if TYPE_CHECKING:
     from inspect import Signature
@@ -245,6 +246,37 @@ def names_keywords(function: Callable[P, T], hint: str = "") -> Callable[P, T]:
         return function(*args, **kwargs)
 
     return call
+
+
+class DescribedFunction(NamedCall):
+    """A function returned by a factory: it prints as the factory call, and is not pickled."""
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:  # Any: as pickle calls it
+        """Refuse to be pickled, unless the function can be found by its name.
+
+        Raises:
+            BadType: it cannot be found, because a program makes it.
+        """
+        from pickle import dumps  # which few need
+
+        try:
+            dumps(self.func)
+        except Exception:  # noqa: BLE001 - of any kind, by what the function holds
+            raise BadType(
+                f"{self.call} cannot be pickled, because a program makes it. Make it in the other process, or name it "
+                "in a scenario."
+            ) from None
+        return super().__reduce_ex__(protocol)
+
+    def __copy__(self) -> Self:
+        return self.__deepcopy__(None)
+
+    def __deepcopy__(self, memo: dict[int, Any] | None) -> Self:
+        """Return a copy of the function with its attributes; deep, if there is a memo."""
+        make, arguments, state = cast("tuple[Any, ...]", super().__reduce__())
+        twin: Any = make(*arguments)
+        twin.__setstate__(state if memo is None else deepcopy(state, memo))
+        return cast("Self", twin)
 
 
 def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:

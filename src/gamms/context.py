@@ -5,13 +5,14 @@ import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
 from gamms.compat import Surface
 from gamms.deciding import DecidePhase, Guarded, add_copies, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
+from gamms.readonly import NotPickled
 from gamms.text import printable, shown
 from gamms.typing.context import contexts
 from gamms.typing.visualization_engine import live_engines
@@ -61,13 +62,14 @@ class InternalContext(typing.IInternalContext):
                 engine.terminate()
 
 
-class Context(Surface, Guarded, typing.IContext):
+class Context(Surface, Guarded, NotPickled, typing.IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
     The engines are attributes, so that a program may build a context with other engines.
     """
 
     _called = "ctx"
+    _not_pickled = DecidePhase._not_pickled
 
     agent_engine: Any
     graph_engine: Any
@@ -355,13 +357,6 @@ class Context(Surface, Guarded, typing.IContext):
         if self._game is not None:
             self._game.internals.copy_streams(twin.game.internals)
         return twin
-
-    def __reduce__(self) -> NoReturn:
-        """Refuse to be pickled, also as a part of a view, an agent or an engine."""
-        raise BadType(
-            "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a "
-            "game in another process, build its scenario there, or record it and use Recording.resume."
-        )
 
     def __enter__(self) -> Self:
         return self

@@ -13,11 +13,11 @@ from functools import wraps
 from operator import attrgetter
 from threading import get_ident
 from types import UnionType
-from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
+from typing import Any, ClassVar, Generic, NamedTuple, Self, SupportsIndex, TypeVar, cast, overload
 
 from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, IllegalMutation
-from gamms.readonly import Shareable, frozen
+from gamms.readonly import NotPickled, ShallowCopied, Shareable, frozen, set_attributes
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -37,8 +37,10 @@ AWAITED = Deciders("A strategy that is awaited", ())
 _of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(None, AWAITED))
 
 
-class DecidePhase:
+class DecidePhase(NotPickled):
     """The state of the decision phase of a context: the agents that decide now.
+
+    Every part of a context holds its phase, so no part is pickled.
 
     Attributes:
         agent: the agent whose strategy is running, or `Deciders`; AWAITED: asyncio tasks decide, each for the agents
@@ -59,6 +61,10 @@ class DecidePhase:
         *("agent", "agent_kinds", "before_reading", "known_names", "moment", "owner_changes", "player"),
         *("sensor_changes", "setting_changes", "strategy_changes"),
     )
+    _not_pickled = (
+        "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
+        "in another process, build its scenario there, or record it and use Recording.resume."
+    )
 
     def __init__(self) -> None:
         self.agent: Any = None
@@ -71,6 +77,10 @@ class DecidePhase:
         self.sensor_changes = 0
         self.owner_changes = 0
         self.strategy_changes = 0
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        """Refuse to be pickled, unless it is that of objects without a context."""
+        return "UNDECIDED" if self is UNDECIDED else super().__reduce_ex__(protocol)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Return a new phase in which no agent decides, for copies of parts of a context."""
@@ -149,11 +159,9 @@ class Guarded(Shareable):
                 phase.refuse(f"set {self._called}.{name}")
         object.__setattr__(self, name, value)
 
-    def __setstate__(self, state: dict[str, Any] | tuple[dict[str, Any] | None, dict[str, Any]]) -> None:
+    def __setstate__(self, state: object) -> None:
         """Become a copy, without checking the attributes again."""
-        attributes, slots = state if isinstance(state, tuple) else (state, None)
-        for name, value in {**(attributes or {}), **(slots or {})}.items():
-            object.__setattr__(self, name, value)
+        set_attributes(self, state)
 
     def __delattr__(self, name: str) -> None:
         """Delete an attribute; refused while a strategy is running."""
@@ -162,10 +170,11 @@ class Guarded(Shareable):
         object.__delattr__(self, name)
 
 
-class ContextPart(Guarded):
+class ContextPart(Guarded, ShallowCopied):
     """Mix-in: a part of a context, which is copied only together with the context."""
 
     __slots__ = ()
+    _not_pickled = DecidePhase._not_pickled
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Stay itself in a copy of something else, such as `ctx.game.data`; `memo` has the copies, by `id()`."""
@@ -195,7 +204,7 @@ def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
     kind = type(part)
     twin = kind.__new__(kind)
     memo[id(part)] = twin
-    twin.__setstate__(deepcopy(part.__getstate__(), memo))  # type: ignore[arg-type] # of an object with slots
+    twin.__setstate__(deepcopy(part.__getstate__(), memo))
     return twin
 
 

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any, ClassVar, NoReturn, TypeVar, cast
+from typing import Any, ClassVar, NoReturn, Self, SupportsIndex, TypeVar, cast
 
 import numpy as np
 
@@ -24,6 +24,47 @@ Otherwise = Callable[[Any], Any]  # handles objects of unknown classes
 
 class ReadOnly(GammsError, TypeError, AttributeError):
     """A read-only value was modified."""
+
+
+class NotPickled:
+    """Mix-in: refuses to be pickled and copied, with a sentence that says what to do instead.
+
+    A class with a `__copy__` or a `__deepcopy__` of its own is copied by it.
+    """
+
+    __slots__ = ()
+    _not_pickled: ClassVar[str]  # the sentence
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        """Refuse to be pickled.
+
+        Raises:
+            BadType: always.
+        """
+        raise BadType(self._not_pickled)
+
+
+class ShallowCopied(NotPickled):
+    """Mix-in: refuses to be pickled and copied deeply; `copy.copy` makes a copy that shares all attributes."""
+
+    __slots__ = ()
+
+    def __copy__(self) -> Self:
+        kind = type(self)
+        twin = kind.__new__(kind)
+        twin.__setstate__(self.__getstate__())
+        return twin
+
+    def __setstate__(self, state: object) -> None:
+        """Become a copy."""
+        set_attributes(self, state)
+
+
+def set_attributes(twin: object, state: object) -> None:
+    """Set the attributes of a copy to a state from `object.__getstate__`, without the checks of its class."""
+    for part in state if isinstance(state, tuple) else (state,):  # attributes, and those in slots
+        for name, value in (part or {}).items():
+            object.__setattr__(twin, name, value)
 
 
 class Immutable:

@@ -55,7 +55,7 @@ def syntax_tree(text: str | bytes, file: str = "<text>", mode: str = "exec") -> 
         return ast.parse(text, file, mode)
 
 
-class DescribedFunction(partial[Any]):
+class NamedCall(partial[Any]):
     """A function returned by a factory; its `repr` is the factory call."""
 
     call: str
@@ -69,13 +69,13 @@ class DescribedFunction(partial[Any]):
         for value in cells:
             for one in value if isinstance(value, (list, tuple)) else (value,):
                 yield one
-                if isinstance(one, DescribedFunction):
+                if isinstance(one, NamedCall):
                     yield from one.held()
 
 
 def as_code(value: object) -> str:
     """Return how a program writes a value: functions have their names, others are shortened as by `shown`."""
-    if isinstance(value, DescribedFunction):
+    if isinstance(value, NamedCall):
         return value.call
     return value.__name__ if isinstance(value, FunctionType) else shown(value)
 

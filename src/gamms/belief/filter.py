@@ -1,6 +1,7 @@
 """Bayes filters on a graph: the probable positions of targets, from a model of motion and observations."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -47,12 +48,23 @@ class StateProbabilities:
 
     def __init__(self, ground: BeliefMap, motion: Motion, metres: float | None, number: int) -> None:
         self._ground = ground
-        pace = None if metres is None else as_range(metres, "metres of a filter")
-        self.chain: MotionChain = chain_of(as_motion(motion, "motion"), ground, pace)
-        self._motion = motion
+        self._metres = None if metres is None else as_range(metres, "metres of a filter")
+        self._motion = as_motion(motion, "motion")
+        self.chain: MotionChain = chain_of(self._motion, ground, self._metres)
         if not ground.size:
             raise BadValue("A filter needs a map, but the graph has no nodes. Add nodes first.")
         self._masses = np.tile(self.chain.shares / ground.size, (number, 1))  # (targets, states)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes without the chain, which a copy takes from the model."""
+        state = vars(self).copy()
+        del state["chain"]
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become a copy."""
+        vars(self).update(state)
+        self.chain = chain_of(self._motion, self._ground, self._metres)
 
     @property
     def masses(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from functools import cached_property, lru_cache
 from hashlib import blake2b
+from typing import Any, Self
 
 import numpy as np
 
@@ -30,6 +31,12 @@ class BeliefMap:
         self.digest = blake2b(
             b"".join(np.ascontiguousarray(part).tobytes() for part in parts), digest_size=8
         ).hexdigest()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return belief_map_of, (self.columns,)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
 
     def rows(self, node_ids: IntArray) -> IntArray:
         """Return the rows of some nodes (nodes,); -1 for unknown nodes."""

@@ -6,7 +6,7 @@ this part, and observations give information about both.
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -199,7 +199,7 @@ def random_walk(stay: float | None = None, steps: int = 1) -> Motion:
         BadType, BadValue: `stay` is not a probability, or `steps` is not a number of edges.
     """
     share = None if stay is None else _as_probability(stay, "stay of random_walk")
-    return Motion(("random_walk", share), as_count(steps, "steps of random_walk"), lambda ground: _walk(ground, share))
+    return Motion(("random_walk", share), as_count(steps, "steps of random_walk"), partial(_walk, stay=share))
 
 
 def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1, steps: int = 1) -> Motion:
@@ -221,13 +221,13 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
     weights = [goals[node] for node in ids] if isinstance(goals, Mapping) else [1.0] * len(ids)
     shares = _as_shares(weights, "goals of to_goals")
     share = _as_probability(wander, "wander of to_goals")
-
-    def make(ground: BeliefMap) -> Transitions:
-        rows = ground.known_rows(np.array(ids, np.int64)).tolist()
-        return _joined([_path(ground, row, share) for row in rows], shares)
-
     name = ("to_goals", tuple(ids), tuple(shares), share)
-    return Motion(name, as_count(steps, "steps of to_goals"), make)
+    return Motion(name, as_count(steps, "steps of to_goals"), partial(_paths, tuple(ids), shares, share))
+
+
+def _paths(goals: Sequence[int], shares: list[float], wander: float, ground: BeliefMap) -> Transitions:
+    rows = ground.known_rows(np.array(goals, np.int64)).tolist()
+    return _joined([_path(ground, row, wander) for row in rows], shares)
 
 
 def mixture(models: Mapping[Motion, float]) -> Motion:
@@ -246,7 +246,11 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
     if len(steps) != 1:
         raise BadValue(f"The models of a mixture have different steps, {sorted(steps)}. Give all of them the same.")
     name = ("mixture", tuple((one.name, share) for one, share in zip(models, shares, strict=True)))
-    return Motion(name, steps.pop(), lambda ground: _joined([one.make(ground) for one in models], shares))
+    return Motion(name, steps.pop(), partial(_mixed, tuple(models), shares))
+
+
+def _mixed(models: Sequence[Motion], shares: list[float], ground: BeliefMap) -> Transitions:
+    return _joined([one.make(ground) for one in models], shares)
 
 
 @lru_cache(maxsize=32)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol, Self
 
 from gamms.bridge.lines import Fix, as_fix
 from gamms.errors import BadType, BadValue
+from gamms.readonly import NotPickled
 from gamms.text import shown
 
 _MOST_WAITING = 256  # fixes; beyond this number the oldest are dropped
@@ -82,7 +83,7 @@ class ReceivedFix(NamedTuple):
     at: float  # by the clock of the feed
 
 
-class Feed:
+class Feed(NotPickled):
     """The incoming fixes of one robot; any thread may add some.
 
     Args:
@@ -94,6 +95,10 @@ class Feed:
     Attributes:
         counts: "received", "bad" (no position), "dropped" (fixes came faster than they were taken).
     """
+
+    _not_pickled = (
+        "A feed can neither be pickled nor copied, because threads write to it. Make another one, with the same source."
+    )
 
     def __init__(self, source: Source | None = None, *, clock: Clock | None = None, send: Send | None = None) -> None:
         self.clock = as_clock(clock)

@@ -27,6 +27,7 @@ from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, line_of,
 from gamms.child_processes import die_with_parent
 from gamms.errors import BadType, BadValue, MissingFile, NetworkError
 from gamms.plugins import needing
+from gamms.readonly import NotPickled
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -49,13 +50,15 @@ _quiet = logging.getLogger("gamms.websocket")  # logger of the library, which wo
 _quiet.setLevel(logging.WARNING)
 
 
-class Link(ABC):
+class Link(NotPickled, ABC):
     """Exchanges lines of JSON with another program.
 
     Attributes:
         counts: "received" lines, and among them "bad" and "unknown" (for an agent without a feed) ones; "dropped" (more
             came than were taken); "sent" and "unsent" (full buffers, or no peer).
     """
+
+    _not_pickled = "A link can neither be pickled nor copied, because it holds a connection. Open another one there."
 
     def __init__(self, clock: Clock | None = None) -> None:
         self.counts: Counter[str] = Counter()

@@ -14,6 +14,7 @@ from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import Fix
 from gamms.errors import BadValue, NetworkError, nearest
 from gamms.plugins import needing
+from gamms.readonly import NotPickled
 from gamms.text import reason, shown
 
 if TYPE_CHECKING:
@@ -107,13 +108,17 @@ _KINDS: dict[str, type[_PoseStamped] | type[_Odometry] | type[_NavSatFix]] = {
 }
 
 
-class RosBridge:
+class RosBridge(NotPickled):
     """A connection to rosbridge; made by `gamms.bridge.rosbridge`.
 
     Attributes:
         counts: "bad" (not a message of its topic's type), "invalid" (no message of rosbridge), "sent", "unsent" (not
             connected).
     """
+
+    _not_pickled = (
+        "A connection to rosbridge can neither be pickled nor copied, because threads use it. Open another one there."
+    )
 
     def __init__(
         self, ros: "Ros", origin: Sequence[float], frame_id: str, clock: Clock | None, counts: Counter[str]

@@ -4,14 +4,15 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from functools import partial
 from threading import RLock
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, NoReturn, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch_engine import BatchEngine, movement_in_core
@@ -40,7 +41,7 @@ from gamms.limits import max_memory, refuse_above
 from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted, uninterrupted
 from gamms.progress import progress as progress_line
-from gamms.readonly import Immutable, locked
+from gamms.readonly import Immutable, NotPickled, locked
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 
@@ -78,7 +79,7 @@ class _SingleGame(NamedTuple):
     game: PlayedGame
 
 
-class Batch(Immutable):
+class Batch(Immutable, NotPickled):
     """Many games of one scenario, each with its own seed: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
     Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games, and calls plain
@@ -97,6 +98,10 @@ class Batch(Immutable):
     slow: str | None
     is_closed: bool
     _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
+    _not_pickled = (
+        "A batch can neither be pickled nor copied, because it plays in a context. Pickle its scenario and make a "
+        "batch of it in the other process; columns() and load(…) of batches copy games in arrays."
+    )
 
     def __init__(
         self,
@@ -170,13 +175,6 @@ class Batch(Immutable):
         if self._separate:
             games += f", {len(self._separate)} of them in contexts of their own"
         return f"Batch({games})"
-
-    def __reduce__(self) -> NoReturn:
-        """Refuse to be pickled or copied."""
-        raise BadType(
-            "A batch can neither be pickled nor copied, because it plays in a context. Pickle its scenario and make a "
-            "batch of it in the other process; columns() and load(…) of batches copy games in arrays."
-        )
 
     def __enter__(self) -> Self:
         return self
@@ -604,7 +602,7 @@ class Batch(Immutable):
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores, key -> float64 (games,); a score that no game has set is 0."""
-        return defaultdict(lambda: np.zeros(len(self)), self._engine.scores())
+        return defaultdict(partial(np.zeros, len(self)), self._engine.scores())
 
     @property
     def is_over(self) -> BoolArray:

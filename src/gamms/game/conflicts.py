@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_flag, as_int, as_text, shown_as_called
+from gamms.arguments import DescribedFunction, as_choice, as_flag, as_int, as_text, shown_as_called
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
 from gamms.core.contacts import NodeNumbers
@@ -24,7 +24,7 @@ from gamms.game.order import TurnOrder
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.text import DescribedFunction, as_code, shown
+from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace, IConflicts, Move
 
@@ -653,22 +653,26 @@ class _Capacities:
 
 
 def _of_all(number: int) -> _CapacityLimits:
-    return _CapacityLimits(number, lambda ids, _: np.full(len(ids), number), number)
+    return _CapacityLimits(number, partial(_same_rows, number), number)
+
+
+def _same_rows(number: int, ids: IntArray, _: _Attributes) -> IntArray:
+    return np.full(len(ids), number)
 
 
 def _in_attribute(name: str, kind: str) -> _CapacityLimits:
     """Return capacities that are read from an attribute of nodes or edges."""
+    return _CapacityLimits(0, partial(_rows_of_attribute, name, kind))
 
-    def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
-        if name not in attributes:
-            forms = f" The capacity may also be a number, or a mapping from {kind} ids to numbers."
-            raise UnknownName(f"{kind} attribute", name, attributes, forms)
-        limits = np.full(len(ids), UNLIMITED)
-        for row, value in attributes[name].items():
-            limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
-        return limits
 
-    return _CapacityLimits(0, rows)
+def _rows_of_attribute(name: str, kind: str, ids: IntArray, attributes: _Attributes) -> IntArray:
+    if name not in attributes:
+        forms = f" The capacity may also be a number, or a mapping from {kind} ids to numbers."
+        raise UnknownName(f"{kind} attribute", name, attributes, forms)
+    limits = np.full(len(ids), UNLIMITED)
+    for row, value in attributes[name].items():
+        limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
+    return limits
 
 
 def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:

@@ -18,7 +18,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import locked
+from gamms.readonly import ShallowCopied, locked
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
@@ -120,7 +120,7 @@ class Draws(TurnStream):
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
 
-class ArrayDraws:
+class ArrayDraws(ShallowCopied):
     """The keyed draws of many agents, in one game or in several: each call returns one number per agent.
 
     They are equal to the draws of `state["draw"]` of each agent in the same turn of the same game, call by call.
@@ -129,6 +129,11 @@ class ArrayDraws:
         first_keys: returns the keys of the agents; see `kernels.first_key_rows`.
         turns: the number of turns played, which broadcasts with the keys.
     """
+
+    _not_pickled = (
+        "Draws of many agents can neither be pickled nor copied deeply, because they belong to a view of games. Copy "
+        "the numbers that they give."
+    )
 
     def __init__(self, first_keys: Callable[[], BitArray], turns: IntArray) -> None:
         self._of = first_keys, turns

@@ -4,12 +4,12 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import Any, NamedTuple, cast
 
-from gamms.arguments import annotations_of
+from gamms.arguments import DescribedFunction, annotations_of
 from gamms.core.copies import copied
-from gamms.deciding import ContextPart, DecidePhase, Guarded, add_copies, copied_part, refused_while_deciding
-from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
+from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
+from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import Collectors, warn_of_idle
@@ -21,7 +21,8 @@ from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
-from gamms.text import DescribedFunction, shown
+from gamms.readonly import NotPickled
+from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
 from gamms.typing.context import HostContext
 
@@ -34,7 +35,7 @@ class SnapshotError(GammsError, RuntimeError):
     """A snapshot cannot be taken or restored now."""
 
 
-class Snapshot:
+class Snapshot(NotPickled):
     """A game at a moment: the result of `ctx.game.snapshot()`, for `ctx.game.restore`.
 
     Attributes:
@@ -43,6 +44,10 @@ class Snapshot:
     """
 
     __slots__ = ("_of", "_parts", "_values", "seed", "turn")
+    _not_pickled = (
+        "A snapshot cannot be pickled, because it refers to the agents and the graph of its context. To continue a "
+        "game in another process, record it and use Recording.resume."
+    )
 
     def __init__(self, turn: int, seed: int, of: GameState, values: list[Any], parts: dict[str, Any]) -> None:
         self.turn = turn
@@ -93,13 +98,6 @@ class Snapshot:
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         parts["prepared"] = -1  # strategies are prepared once in each context
         return Snapshot(self.turn, self.seed, of, values, parts)
-
-    def __reduce__(self) -> NoReturn:
-        """Raise BadType: snapshots cannot be pickled."""
-        raise BadType(
-            "A snapshot cannot be pickled, because it refers to the agents and the graph of its context. To continue a "
-            "game in another process, record it and use Recording.resume."
-        )
 
 
 class GameStart(NamedTuple):
@@ -336,7 +334,7 @@ _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
 }
 
 
-class GameInternals(Guarded):
+class GameInternals(ContextPart):
     """The parts of a game for the recorder, scenarios and the context; not for strategies.
 
     Args:

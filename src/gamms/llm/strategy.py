@@ -28,6 +28,7 @@ from gamms.llm.questions import (
     remember,
 )
 from gamms.plain import Plain
+from gamms.readonly import ShallowCopied
 from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing.game import AerialState, State
@@ -42,7 +43,7 @@ class MissingDecision(GammsError, LookupError):
     """The game is played without a server, and no recorded decision answers an agent's question."""
 
 
-class Strategy:
+class Strategy(ShallowCopied):
     """Decide with a language model, through any server with the interface of OpenAI's chat completions.
 
     One object may be the strategy of many agents of a game, which are asked at the same time. A model can choose only
@@ -69,6 +70,10 @@ class Strategy:
         MissingExtra (ImportError): the library `openai` is not installed.
     """
 
+    _not_pickled = (
+        "A gamms.llm.Strategy cannot be pickled, because it holds a connection and its key. Make it in the other "
+        "process, or name it in a scenario."
+    )
     new_files = ("calls",)  # arguments that scenarios resolve in their folders
     variables = ("key_variable",)  # arguments that only the user of a scenario gives, never its file
 

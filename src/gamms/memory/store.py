@@ -13,6 +13,7 @@ from gamms.errors import BadFile, BadType, BadValue, Duplicate, GammsError, TooL
 from gamms.memory.database import Database, quoted
 from gamms.memory.fields import DuplicateKey, Field, Schema, UnknownMap, check_name
 from gamms.plain import Plain
+from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.typing import IPathLike, IStore, StoreType
 from gamms.typing.memory_engine import Schema as TypesByName
@@ -175,7 +176,7 @@ class MemoryStore(Store):
     """Keeps its maps in memory, until it is closed."""
 
 
-class SqliteStore(Store):
+class SqliteStore(Store, NotPickled):
     """Keeps its maps in a SQLite database; `create_map` with the same schema opens an existing map of the file.
 
     Attributes:
@@ -183,6 +184,10 @@ class SqliteStore(Store):
     """
 
     _type = StoreType.DATABASE
+    _not_pickled = (
+        "A store in a file can neither be pickled nor copied, because it holds a connection to its database. Pass on "
+        "its path, and open it again there."
+    )
 
     def __init__(self, name: str, path: IPathLike) -> None:
         super().__init__(name, path)

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 from gamms.arguments import as_bool, as_int, as_name
 from gamms.compat import Surface
-from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
@@ -33,7 +33,7 @@ from gamms.typing.context import HostContext
 from gamms.typing.recorder import IRecorder, OpCodes
 
 
-class Recorder(Surface, ComponentNames, Guarded, IRecorder):
+class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
     """The recorder of one context.
 
     Attributes:

@@ -57,6 +57,31 @@ class State:
         return tracks.positions_of(self.agents, self._map().columns())[:, :2]
 
 
+class MapOfState:
+    """The map of a state, which is read from its recording when it is needed; a pickled one has been read.
+
+    Args:
+        read: reads the map.
+    """
+
+    def __init__(self, read: Callable[[], IPackedGraph]) -> None:
+        self._read = read
+
+    def __call__(self) -> IPackedGraph:
+        """Return the map."""
+        return self._read()
+
+    def __deepcopy__(self, _: object) -> "MapOfState":
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _known_map, (self._read(),)
+
+
+def _known_map(graph: IPackedGraph) -> MapOfState:
+    return MapOfState(lambda: graph)
+
+
 def state_of(
     state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
 ) -> State:
@@ -76,4 +101,4 @@ def state_of(
             agents[name] = read_only(np.where(is_on_edge, columns[key], -1))
         agents["edge_share"] = read_only(np.where(is_on_edge, columns["edge_share"], np.nan))
     game = deepcopy((state.game.data, state.game.over))
-    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
+    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), MapOfState(map_then))

@@ -9,6 +9,7 @@ from typing import Any, BinaryIO, Self, SupportsIndex
 
 from gamms.arguments import as_path
 from gamms.errors import BadType, MissingFile, MissingFolder
+from gamms.readonly import NotPickled
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.text import shown
 from gamms.typing.recorder import MAGIC_NUMBER
@@ -24,16 +25,18 @@ def named(path: str | os.PathLike[str]) -> Path:
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
 
 
-class StreamOwner:
+class StreamOwner(NotPickled):
     """A reader of a stream that closes the stream if it opened it."""
+
+    _not_pickled = "An open file can neither be pickled nor copied: pass on its path, and open it again there."
 
     def __init__(self, owned: BinaryIO | None) -> None:
         self._owned = owned
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
-        """Raise BadType: an open file cannot be pickled or copied."""
-        if self._owned is not None:
-            raise BadType("An open file can neither be pickled nor copied: pass on its path, and open it again there.")
+        """Refuse to be pickled with an open file."""
+        if self._owned is None:
+            return object.__reduce_ex__(self, protocol)
         return super().__reduce_ex__(protocol)
 
     def __enter__(self) -> Self:

@@ -12,6 +12,7 @@ from operator import is_
 from typing import Any, NamedTuple
 
 from gamms.agent import BaseAgent as Agent
+from gamms.arguments import DescribedFunction
 from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.game.hidden_state import image_of
@@ -40,7 +41,7 @@ from gamms.scenario.placement import AgentPlacement, TeamMember, members, node_a
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
 from gamms.sensor.catalog import KINDS
-from gamms.text import DescribedFunction, shown
+from gamms.text import shown
 from gamms.typing.actions import strategy_in
 from gamms.typing.game import IConflicts, Rule
 

@@ -11,11 +11,20 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import annotations_of, as_float, as_function_of, as_int, as_numbers, as_range, signature_of
+from gamms.arguments import (
+    DescribedFunction,
+    annotations_of,
+    as_float,
+    as_function_of,
+    as_int,
+    as_numbers,
+    as_range,
+    signature_of,
+)
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
-from gamms.text import DescribedFunction, as_code, shown
+from gamms.text import as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
 

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
 from gamms.arguments import as_declared, as_int, as_key, as_name, misspelt
-from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import as_text, shown
 from gamms.typing import ArtistType, IArtist, IContext
@@ -169,7 +169,7 @@ def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
     return artist
 
 
-class Artists(Guarded):
+class Artists(ContextPart):
     """The artists of a context by name: declared, added, and those of the default scene.
 
     Args:

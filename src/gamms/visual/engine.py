@@ -11,7 +11,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, as_range, misspelt
 from gamms.compat import Surface
-from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import IContext, IVisualizationEngine
@@ -65,7 +65,7 @@ class _Attribute(Generic[_T]):
         setattr(getattr(engine, self._part), self._name, checked)
 
 
-class PictureEngine(Surface, Guarded, IVisualizationEngine):
+class PictureEngine(Surface, ContextPart, IVisualizationEngine):
     """The engine without a window.
 
     Attributes:

@@ -10,10 +10,20 @@ from dataclasses import dataclass
 from typing import Self
 
 from gamms.errors import GammsError
+from gamms.readonly import NotPickled
 from gamms.workers import SIGNALS_S
 
 
-class Handle(ABC):
+class PartOfServer(NotPickled):
+    """Mix-in: a part of a running server, which threads use."""
+
+    _not_pickled = (
+        "A server can neither be pickled nor copied, and neither can its parts, because threads use them. Pass on the "
+        "scenario, and serve it there."
+    )
+
+
+class Handle(PartOfServer, ABC):
     """A running server; close it with `close` or use it in a `with` statement."""
 
     _is_closed: threading.Event

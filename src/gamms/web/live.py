@@ -26,7 +26,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.text import as_text, reason, shown
-from gamms.web.links import Audience, Grant, Handle, Links, Refused
+from gamms.web.links import Audience, Grant, Handle, Links, PartOfServer, Refused
 from gamms.web.pages import live_page
 from gamms.web.people import People
 from gamms.web.server import Connection, Json, Page, Server, Site
@@ -92,7 +92,7 @@ def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
     return Live(game, options)
 
 
-class TurnPacing:
+class TurnPacing(PartOfServer):
     """Decides when the next turn is played: at a speed, one by one, or not while paused.
 
     Attributes:

@@ -40,6 +40,7 @@ from gamms.web.choices import (
     moves_of,
     written,
 )
+from gamms.web.links import PartOfServer
 
 _MARGIN_S = 0.2  # questions end before the deadline of the turn, so that the person's default strategy can decide
 
@@ -59,7 +60,7 @@ class Person:
     is_here: bool = False
 
 
-class People:
+class People(PartOfServer):
     """The questions to the people of a game, and their choices; a rule that emits each choice as an event.
 
     Its methods are thread-safe. `People.of(ctx)` returns the instance of a game after a server has opened it.

@@ -25,7 +25,7 @@ from gamms.recorder.cut import KnowledgeFilter, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.columns import MAGIC, frame
-from gamms.web.links import Audience
+from gamms.web.links import Audience, PartOfServer
 from gamms.web.pages import drawn_header
 from gamms.web.painter import Painter
 from gamms.web.server import Connection
@@ -161,7 +161,7 @@ class AudienceStream:
         return found, after, begin.turns - place.turns
 
 
-class Streams:
+class Streams(PartOfServer):
     """The streams of a running game by audience; a `Follower` of `ctx.record`.
 
     Args:

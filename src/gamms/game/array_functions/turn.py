@@ -17,6 +17,7 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.readonly import ShallowCopied
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -47,7 +48,7 @@ class Visits(NamedTuple):
         return some_rows(self, which)
 
 
-class ArrayTurn:
+class ArrayTurn(ShallowCopied):
     """One turn of all games that are being played, with the verbs of rules: the argument of array rules.
 
     Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
@@ -68,6 +69,11 @@ class ArrayTurn:
 
     These arrays are read-only for rules and checks.
     """
+
+    _not_pickled = (
+        "A turn of array rules can neither be pickled nor copied deeply, because it acts on its games. Copy the arrays "
+        "that you need, such as turn.node.copy()."
+    )
 
     paths: Paths | None = None
     _is_moving = False  # whether agents have decided and not moved

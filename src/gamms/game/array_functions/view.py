@@ -36,7 +36,7 @@ from gamms.game.random_streams import ArrayDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import locked
+from gamms.readonly import ShallowCopied, locked
 from gamms.text import shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
@@ -52,7 +52,7 @@ class TowardsInBatch(Exception):
     """An array strategy calls `towards` for agents with speeds: batches have to call it game by game."""
 
 
-class ArrayView(Mapping[str, Any]):
+class ArrayView(ShallowCopied, Mapping[str, Any]):
     """The agents of one strategy in many games, as arrays (games, agents).
 
     A view has the keys of `state` in array form. `view["curr_pos"]` are node ids; `view["legal"]` are the ids of legal
@@ -72,6 +72,10 @@ class ArrayView(Mapping[str, Any]):
         memory_of: (all agents,) the number of each agent's memory; agents of a team may share one.
     """
 
+    _not_pickled = (
+        "A view can neither be pickled nor copied deeply, because it shows its games as they are now. Copy the arrays "
+        "that you need, such as view['curr_pos'].copy()."
+    )
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox

@@ -11,7 +11,7 @@ from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.core import moves
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
-from gamms.readonly import locked
+from gamms.readonly import ShallowCopied, locked
 
 
 class RouteSource(Protocol):
@@ -27,7 +27,7 @@ class RouteSource(Protocol):
         """Return each node and its out-neighbors as offsets (nodes + 1,) and rows; the node itself comes first."""
 
 
-class StreetGraph:
+class StreetGraph(ShallowCopied):
     """The nodes of a graph, and the legal moves from each along one edge.
 
     Args:
@@ -41,6 +41,11 @@ class StreetGraph:
         offsets: (nodes + 1,) the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes: for each node its own row, then its neighbors in the order of `state["legal"]`.
     """
+
+    _not_pickled = (
+        "The streets of a batch can neither be pickled nor copied deeply, because they refer to its map. Pickle their "
+        "columns, or ctx.graph.columns()."
+    )
 
     def __init__(self, columns: GraphColumns, queries: RouteSource) -> None:
         self.columns = columns

@@ -7,13 +7,16 @@ unfinished file, without an end block, the last block may be followed by a longe
 import os
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from struct import Struct
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, SupportsIndex
 
 from gamms.errors import BadFile, BadValue
 from gamms.ir import packing
 from gamms.plain import Plain
+from gamms.readonly import NotPickled
 from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
+from gamms.recorder.streams import StreamOwner
 from gamms.text import shown
 
 MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, big-endian as in older versions
@@ -110,8 +113,10 @@ def at_byte(at: int) -> reporting_damage:
     return reporting_damage(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
 
 
-class BlockSource:
+class BlockSource(NotPickled):
     """Random access to the bytes of a stream, counted from its initial position."""
+
+    _not_pickled = StreamOwner._not_pickled
 
     def __init__(self, stream: BinaryIO) -> None:
         try:
@@ -124,6 +129,12 @@ class BlockSource:
                 f"into an io.BytesIO."
             ) from error
         self._stream = stream
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        """Refuse to be pickled, unless the stream is in memory."""
+        if isinstance(self._stream, BytesIO):
+            return object.__reduce_ex__(self, protocol)
+        return super().__reduce_ex__(protocol)
 
     def read(self, at: int, size: int) -> bytes:
         """Return `size` bytes from a position.

@@ -16,6 +16,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import packing
 from gamms.ir.packed_bytes import FAST
 from gamms.plain import Plain
+from gamms.readonly import NotPickled
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, chunks
 
@@ -24,7 +25,7 @@ _MOST_SIZES = 64
 _TROUBLES = (OSError, ValueError, TypeError, AttributeError)  # full, disconnected, closed, missing
 
 
-class Writer:
+class Writer(NotPickled):
     """Writes a recording to a binary stream, which stays open.
 
     Requires: nothing else is written to the stream.
@@ -32,6 +33,11 @@ class Writer:
     `seconds`, `size` bytes or `turns` turns are lost, whichever is least. Streams that cannot seek, truncate and
     overwrite, and files opened for appending, get only final blocks: `seconds` has no effect for them.
     """
+
+    _not_pickled = (
+        "A writer can neither be pickled nor copied, because it writes to a stream. Make another writer for another "
+        "stream."
+    )
 
     def __init__(
         self,
