@@ -89,3 +89,35 @@ def test_edited_text_runs_and_says_that_it_is_not_compiled(checkout):
     assert done.stdout.split() == ["False", "py", "12345"]
     assert done.stderr.count("RuntimeWarning: The text of gamms.core has changed since it was compiled.") == 1
     assert "ImportError" in run(SHOW, checkout.parent, "compiled").stderr
+
+
+IN_SUBINTERPRETER = """
+import gamms.core
+try:
+    import _interpreters as interpreters
+except ImportError:
+    import _xxsubinterpreters as interpreters
+run = getattr(interpreters, "exec", interpreters.run_string)
+run(interpreters.create(), "import sys; sys.path[:0] = [{source!r}]; " + {code!r})
+"""
+TOO_MANY = "RuntimeWarning: Only one interpreter of a process can load the compiled gamms.core ("
+
+
+@pytest.mark.compiled
+def test_a_subinterpreter_runs_the_interpreted_form_and_says_so():
+    code = "import gamms.core, gamms.core.draws as draws; print(gamms.core.is_compiled, draws.mix(1), flush=True)"
+    done = run(IN_SUBINTERPRETER.format(source=str(SRC.parent), code=code))
+    assert done.stdout.split() == ["False", str(draws.mix(1))]
+    assert done.stderr.count(TOO_MANY) == 1
+    assert "It runs interpreted: the same games, slower. Other processes run it compiled" in done.stderr
+    assert "make" not in done.stderr
+
+
+@pytest.mark.compiled
+def test_the_compiled_form_cannot_be_asked_for_in_a_subinterpreter():
+    code = (
+        "import os; os.environ['GAMMS_CORE'] = 'compiled'\n"
+        "try:\n import gamms.core\nexcept ImportError as error:\n print(error, flush=True)"
+    )
+    done = run(IN_SUBINTERPRETER.format(source=str(SRC.parent), code="pass\n" + code))
+    assert done.stdout.startswith("GAMMS_CORE is 'compiled', and gamms.core is not. Only one interpreter of a process")

@@ -8,14 +8,28 @@ from importlib import import_module
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
+
+_COMPILE = "Compile it again: make, or python setup.py build_ext --inplace."
+_OF_ONE_INTERPRETER = ("one interpreter per process", "loading in subinterpreters")  # in errors of Cython, of Python
+
+
+class _Problem(NamedTuple):
+    """Why the compiled modules do not run."""
+
+    reason: str
+    way_out: str
+
+
+_NOT_COMPILED = _Problem("There are no compiled modules.", "Install it where a C compiler works.")
 
 
 def choose(package: str, folder: Path) -> bool:
     """Choose the form in which the modules of a package are loaded; return whether it is the compiled one.
 
     The environment variable `GAMMS_CORE` selects a form: `python` for the interpreted one, `compiled` to require the
-    compiled one. If the source of a checkout has changed since it was compiled, the source runs interpreted, with a
-    warning.
+    compiled one. The source runs interpreted, with a warning, if it has changed in a checkout since it was compiled, or
+    if the compiled modules cannot be loaded, for example in a subinterpreter.
 
     Raises:
         ImportError: `GAMMS_CORE` has another value, or requires compiled modules that do not exist.
@@ -23,10 +37,17 @@ def choose(package: str, folder: Path) -> bool:
     asked = os.environ.get("GAMMS_CORE", "")
     if asked not in ("", "python", "compiled"):
         raise ImportError(f"GAMMS_CORE is {asked!r}: set it to 'python' or 'compiled', or not at all.")
-    if asked != "python" and _is_compiled(package, folder):
+    problem = None if asked == "python" else _problem(package, folder)
+    if asked != "python" and problem is None:
         return True
-    if asked == "compiled":
-        raise ImportError("GAMMS_CORE is 'compiled', and gamms.core is not: install it where a C compiler works.")
+    if problem and asked == "compiled":
+        raise ImportError(f"GAMMS_CORE is 'compiled', and gamms.core is not. {problem.reason} {problem.way_out}")
+    if problem and problem is not _NOT_COMPILED:
+        warnings.warn(
+            f"{problem.reason} It runs interpreted: the same games, slower. {problem.way_out}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     sys.meta_path.insert(0, _SourceFinder(package))  # else compiled modules of other text would be found first
     return False
 
@@ -43,22 +64,21 @@ def digest(folder: Path) -> str:
     return total.hexdigest()
 
 
-def _is_compiled(package: str, folder: Path) -> bool:
-    """Return whether compiled modules can be loaded and, in a checkout, match the source."""
+def _problem(package: str, folder: Path) -> _Problem | None:
+    """Return why the compiled modules cannot be loaded or, in a checkout, are of other source; None: they run."""
     try:
         stamp = import_module(f"{package}._stamp")
     except ModuleNotFoundError:
-        return False
+        return _NOT_COMPILED
     except ImportError as error:
-        reason = f"The compiled gamms.core cannot be loaded ({error})."
-    else:
-        is_checkout = (folder.parents[2] / "pyproject.toml").is_file()
-        if not is_checkout or digest(folder) == stamp.TEXT:
-            return True
-        reason = "The text of gamms.core has changed since it was compiled."
-    remedy = "It runs interpreted until it is compiled again: make, or python setup.py build_ext --inplace"
-    warnings.warn(f"{reason} {remedy}", RuntimeWarning, stacklevel=2)
-    return False
+        if any(words in str(error) for words in _OF_ONE_INTERPRETER):
+            reason = f"Only one interpreter of a process can load the compiled gamms.core ({error})."
+            return _Problem(reason, "Other processes run it compiled; see the multiprocessing module.")
+        return _Problem(f"The compiled gamms.core cannot be loaded ({error}).", _COMPILE)
+    is_checkout = (folder.parents[2] / "pyproject.toml").is_file()
+    if not is_checkout or digest(folder) == stamp.TEXT:
+        return None
+    return _Problem("The text of gamms.core has changed since it was compiled.", _COMPILE)
 
 
 class _SourceFinder:
