@@ -65,6 +65,7 @@ _MOST_OF_A_NOTE = 1000  # characters
 _FARTHEST = 1e9  # the largest component of a direction
 _BEGIN_OF_THOUGHTS = re.compile(r"<think(?:ing)?>", re.IGNORECASE)
 _END_OF_THOUGHTS = re.compile(r"</think(?:ing)?>", re.IGNORECASE)
+_BEGIN_OF_OBJECT = re.compile(r'\{(?=[ \t\r\n]*+["}])')
 _PART = re.compile(
     r"""[ \t\r\n]*+(?:
         (?P<string>"[^"\\]*+(?:\\.[^"\\]*+)*+")
@@ -476,14 +477,15 @@ def _without_thoughts(text: str) -> str:
 
 def _object_texts(text: str) -> Iterator[str]:
     """Yield the texts of the JSON objects that are not in another object, without trailing commas."""
-    begin = text.find("{")
-    while begin >= 0:
+    found = _BEGIN_OF_OBJECT.search(text)
+    while found:
+        begin = found.start()
         outline = _outline(text, begin)
         if outline.is_whole:
             bounds = [begin, *outline.commas, outline.end]
             pieces = [text[one:other] for one, other in pairwise(bounds)]
             yield pieces[0] + "".join(piece[1:] for piece in pieces[1:])
-        begin = text.find("{", outline.end)
+        found = _BEGIN_OF_OBJECT.search(text, outline.end)
 
 
 class _Outline(NamedTuple):
