@@ -15,7 +15,7 @@ import av
 import pytest
 from typer.testing import CliRunner
 
-from gamms import cli, scenario
+from gamms import cli, recorder, scenario
 from gamms.game import Result
 
 GAME = """
@@ -66,6 +66,20 @@ def test_it_prints_the_result_and_saves_it(folder):
     assert result == scenario.load("game.yaml").play(seed=3)
     assert result.provenance["scenario"]["name"] == "Little"
     assert result.provenance["strategies"]["blue_0"] == "players:play"
+
+
+def test_the_recording_of_one_game_has_what_sensors_saw_unless_it_is_left_out(folder):
+    eyes = ", sensors: {eyes: {type: AGENT_RANGE, range_m: 20}}"
+    (folder / "game.yaml").write_text(GAME.replace('random_walk"', f'random_walk"{eyes}'))
+    assert run("--seed", 3, "--out", "with").exit_code == 0
+    assert run("--seed", 3, "--out", "without", "--no-sensed").exit_code == 0
+    game = scenario.load("game.yaml")
+    for name, sensed in (("with", True), ("without", False)):
+        game.play(3, record=f"{name}.ggr", sensed=sensed)
+        assert Path(f"{name}/game.ggr").read_bytes() == Path(f"{name}.ggr").read_bytes()
+        with recorder.open(f"{name}.ggr") as recording:
+            assert bool(recording.counts().get("SENSED")) == sensed
+    assert Result.load("with/result.json") == Result.load("without/result.json")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -125,6 +139,8 @@ def test_an_error_says_with_which_seed(folder, jobs):
         (["--seeds", "0:5", "--film", "a.mp4"], "for a single game"),
         (["--seeds", "0:5", "--seed", "1"], "for a single game"),
         (["--seeds", "0:5", "--window"], "for a single game"),
+        (["--seeds", "0:5", "--no-sensed"], "--no-sensed: this option is for a single game"),
+        (["--web", "--no-sensed"], "--no-sensed: this option is for a single game"),
         (["--jobs", "0"], "--jobs"),
     ],
 )

@@ -503,6 +503,20 @@ def test_the_focus_stays_on_a_menu_of_what_is_shown_after_a_choice(page):
         assert page.value(chosen) == number
 
 
+@pytest.mark.parametrize("has_eyes", [True, False])
+def test_views_and_fog_are_offered_where_agents_have_sensors(chromium, tmp_path, has_eyes):
+    eyes = {"sensors": {"eyes": {"type": "AGENT_RANGE", "range_m": 20}}} if has_eyes else {}
+    teams = {team: {"count": 1, "strategy": "gamms.strategies:random_walk"} | eyes for team in ("red", "blue")}
+    game = gamms.scenario.Scenario(map={"grid": {"rows": 4, "columns": 4}}, max_turns=3, teams=teams)
+    game.play(1, record=tmp_path / "game.ggr", sensed=True)
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        recording.save(tmp_path / "game.html")
+    chromium.open(tmp_path / "game.html")
+    offered = chromium.value("[...document.querySelectorAll('#look label > span')].map((one) => one.textContent)")
+    assert ("What sensors see" in offered, "Fog of war" in offered) == (has_eyes, has_eyes)
+    assert "Heat map" in offered
+
+
 @pytest.mark.parametrize(("width", "height"), [(390, 800), (800, 600), (1400, 900)])
 def test_panels_do_not_overlap_at_any_size(chromium, walk, width, height):
     page = chromium.open(walk, width, height)

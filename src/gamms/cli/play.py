@@ -148,14 +148,19 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         int | None,
         typer.Option(min=1, help="With --seeds: how many games at once. By default as many as cores.", metavar="N"),
     ] = None,
+    sensed: Annotated[
+        bool,
+        typer.Option("--sensed/--no-sensed", help="Whether the recording contains what the sensors of agents saw."),
+    ] = True,
 ) -> None:
     """Play the game in a scenario file."""
     from gamms import scenario
 
     if not web:
         served = {"--port": port != 0, "--host": host != HERE, "--allow-network": allow_network, "--watch": watch}
-        for option in (name for name, is_given in served.items() if is_given):
-            raise typer.BadParameter("this option needs --web.", param_hint=option)
+        _refuse_given(served, "this option needs --web.")
+    if web or seeds is not None:
+        _refuse_given({"--no-sensed": not sensed}, "this option is for a single game that is not served.")
     given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
 
     def load() -> "Scenario":
@@ -180,15 +185,29 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
             options |= {"watch": load_again if watch else False, "strategies": played}
             _serve(game, options, out)
         else:
-            _play_one(game, seed, found, film, out, is_shown=window)
+            _play_one(game, seed, found, film, out, is_shown=window, sensed=sensed)
         return
     if seed is not None or film is not None or window or web:
         raise typer.BadParameter("--seed, --film, --window and --web are for a single game.", param_hint="--seeds")
     many.play(game, many.parsed_seeds(seeds), found, out, jobs)
 
 
+def _refuse_given(options: dict[str, bool], why: str) -> None:
+    """Raise BadParameter for the first option that is given: name -> whether it is."""
+    for name, is_given in options.items():
+        if is_given:
+            raise typer.BadParameter(why, param_hint=name)
+
+
 def _play_one(
-    game: "Scenario", seed: int | None, found: many.Strategies, film: Path | None, out: Path, *, is_shown: bool
+    game: "Scenario",
+    seed: int | None,
+    found: many.Strategies,
+    film: Path | None,
+    out: Path,
+    *,
+    is_shown: bool,
+    sensed: bool,
 ) -> None:
     from gamms import visual
 
@@ -199,7 +218,7 @@ def _play_one(
             making.enter_context(made_folder(out))  # the film may be there
             if film is not None:  # if refused, then before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
-            recording = making.enter_context(recorded(ctx, out))
+            recording = making.enter_context(recorded(ctx, out, sensed=sensed))
             result = ctx.game.run(progress=True)
         result.save(without_link(out / "result.json"))
         pictures = save_pictures(ctx, out, title=name, captions=True)

@@ -294,6 +294,7 @@ class Game(Surface, RuleVerbs):
         progress: bool = False,
         *,
         record: str | os.PathLike[str] | BinaryIO | None = None,
+        sensed: bool = False,
     ) -> Result:
         """Play until a rule ends the game, or for a number of turns; log errors of strategies and suspicious names.
 
@@ -304,15 +305,18 @@ class Game(Surface, RuleVerbs):
             max_turns: the number of turns to play; None: until the total of the settings is reached.
             progress: show the progress on stderr, if it is a terminal.
             record: the file of a recording of these turns; an existing file is replaced. None: nothing is recorded.
+            sensed: whether the recording contains the sensor reports of agents, which pages show.
 
         Raises:
-            BadValue: nothing can ever end this game.
+            BadValue: nothing can ever end this game, or `sensed` is given without `record`.
                 IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         self._refuse_in_turn("run")
         turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
+        if as_bool(sensed, "sensed") and record is None:
+            raise BadValue("Sensor reports are part of a recording: give record=, too, or leave sensed= out.")
         last = self.max_turns if turns is None else self.turn + turns
         self._state.last_turn = last
         if last is None and not self.rules:
@@ -323,7 +327,7 @@ class Game(Surface, RuleVerbs):
         of = "" if last is None else f" of {last}"
         with ExitStack() as stack:
             if record is not None:
-                self.ctx.record.start(record, overwrite=True)
+                self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
             stack.enter_context(seeded_for_run(self.ctx, self._state.turn))
             show = stack.enter_context(progress_line())

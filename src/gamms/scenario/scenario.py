@@ -305,6 +305,7 @@ class Scenario(Surface, Immutable):
         strategies: Strategies | None = None,
         *,
         record: str | os.PathLike[str] | None = None,
+        sensed: bool = False,
     ) -> Result:
         """Build the game, play it to its end, and terminate the context; see `build`.
 
@@ -312,9 +313,13 @@ class Scenario(Surface, Immutable):
             seed: see `build`.
             strategies: see `build`.
             record: the file for a recording, which replaces an existing file; None: do not record.
+            sensed: whether the recording contains the sensor reports of agents, which pages show.
+
+        Raises:
+            BadValue: `sensed` is given without `record`.
         """
         with self.build(seed, strategies) as ctx:
-            return ctx.game.run(record=record)
+            return ctx.game.run(record=record, sensed=sensed)
 
     @names_keywords
     def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played

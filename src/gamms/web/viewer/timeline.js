@@ -37,7 +37,7 @@ export class Timeline {
       this.captions.push({ turn: first + one.get("turn"), words: one.get("words"), agent: one.get("agent"), isMajor: one.get("major"), isMarked: one.get("marked") });
     }
     for (const side of columns.get("sides")) this.sides.add(side);
-    this.hasSensed ||= columns.has("looked");
+    this.hasSensed ||= columns.get("looks")?.length > 0;
     this.hasMessages ||= columns.get("messages").length > 0;
     return true;
   }
