@@ -11,6 +11,8 @@ from gamms.ir.draw import DrawKind
 from gamms.ir.geometry import are_within
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
+from gamms.visual.artist import ArtistGroup
+from gamms.visual.legend import blocks_of
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}
@@ -133,14 +135,58 @@ def test_the_field_of_an_occluded_sensor_ends_at_the_walls(yard, kind):
         assert 20 < int((near & ~is_free).sum()) < int(near.sum()) / 2
 
 
-@pytest.mark.parametrize("kind", [SensorType.OCCLUDED_AERIAL, SensorType.OCCLUDED_AERIAL_AGENT])
-def test_from_the_air_what_is_seen_past_walls_has_no_field(yard, kind):
-    eye = yard.sensor.create_sensor("eye", kind, sensor_range=60.0)
-    eye.at = (45.0, 50.0, 30.0)
-    eye.sense(None)
-    view = eye.last_view()
-    assert len(view.outline) == 0
-    assert len(view.nodes) if kind is SensorType.OCCLUDED_AERIAL else len(view.agents)
+@pytest.mark.parametrize("kind", ["AERIAL", "AERIAL_AGENT", "AGENT_RANGE"])
+def test_what_obstacles_can_hide_has_the_reach_of_what_they_cannot(yard, kind):
+    names = [kind, {"AGENT_RANGE": "OCCLUDED_AGENT"}.get(kind, f"OCCLUDED_{kind}")]
+    is_in_air = kind != "AGENT_RANGE"
+    views = []
+    for name in names:
+        eye = yard.sensor.create_sensor(name, SensorType[name], sensor_range=60.0)
+        if is_in_air:
+            eye.at = (45.0, 50.0, 30.0)
+        eye.sense(10 * 21 + 9)
+        views.append(eye.last_view())
+    free, blocked = views
+    assert blocked.reach.tolist() == free.outline.tolist()
+    assert len(free.reach) == 0
+    assert len(free.outline) > 20
+    assert (len(blocked.outline) == 0, len(blocked.dashed) > 0) == (is_in_air, is_in_air)
+
+
+@pytest.mark.parametrize("count", [1, 8])
+def test_the_field_of_view_of_a_drone_past_walls_is_dashed_and_moves_with_it(yard, count):
+    eyes = {"eye": gamms.sensor.occluded_aerial_agent(range_m=20.0)}
+    for number in range(count):
+        place = (20.0 + number, 30.0, 20.0)
+        at = {"start_node_id": 0, "type": AgentType.AERIAL, "position": place, "speed": 5.0}
+        yard.agent.create_agent(f"drone_{number}", **at, sensors=eyes, team="red", strategy=fly_east)
+    yard.visual.drawing.motion.begin_turn()
+    yard.game.step()
+    yard.visual.drawing.motion.begin_turn()
+    assert "range, if nothing blocks it" in {row.name for row in legend_rows(yard)}
+    before, after = (dashed_lines(yard, share) for share in (0.0, 1.0))
+    assert len(after) > 20
+    assert np.allclose(after - before, (5.0, 0.0))
+    assert np.allclose(after.mean(axis=0), (25.0 + (count - 1) / 2, 30.0), atol=1.0)
+
+
+def fly_east(state):
+    """Fly along the x axis."""
+    state["action"] = (5.0, 0.0, 0.0)
+
+
+def legend_rows(ctx):
+    """Return the rows of the legend that a picture shows."""
+    return [row for block in blocks_of(ctx, ctx.visual.artists.shown()) for row in getattr(block, "rows", ())]
+
+
+def dashed_lines(ctx, share):
+    """Return the points of the lines that the artists of sensors draw, after a share of the last turn."""
+    artists = {name: one for name, one in ctx.visual.artists.shown().items() if name.startswith(("sensor_", "sights"))}
+    commands = ArtistGroup(ctx, artists).commands(share)
+    is_line = np.repeat(commands.kind == DrawKind.LINE, np.diff(commands.offsets))
+    assert not (commands.kind == DrawKind.POLYGON).any()
+    return commands.points[is_line]
 
 
 def test_areas_are_measured_again_when_a_wall_goes(yard):

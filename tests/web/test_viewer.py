@@ -376,6 +376,29 @@ def test_fog_below_flyers_is_where_their_sensors_report_agents(chromium, flown, 
     assert page.messages == []
 
 
+def test_fields_of_view_of_flyers_are_painted_dashed_where_obstacles_can_hide_something(chromium, flown, tmp_path):
+    with recorder.open(flown[0]) as recording:
+        recording.save(tmp_path / "flown.html", turn=1)
+    page = chromium.open(tmp_path / "flown.html")
+    shapes = dict(
+        page.value(
+            "[...gamms.views[0].replay.sensed].map(([name, [look]]) => [name, look.shape && look.shape.isBlocked])"
+        )
+    )
+    assert shapes == {name: kind.startswith("OCCLUDED") for name, (kind, *_) in DRONES.items()}
+    dashes = page.value(
+        """(() => {
+          const { scene } = gamms.views[0], found = new Set(), { setLineDash } = scene.to;
+          scene.to.setLineDash = function (dash) { found.add(dash.length); setLineDash.call(this, dash); };
+          return new Promise((done) => {
+            gamms.change({ sensors: true });
+            requestAnimationFrame(() => requestAnimationFrame(() => done([...found].sort())));
+          });
+        })()"""
+    )
+    assert dashes == [0, 2]
+
+
 @pytest.fixture(scope="module")
 def hilly(tmp_path_factory):
     """A game on hills with a tunnel, between obstacles of all shapes, and the nodes on which sensors report agents."""

@@ -88,6 +88,12 @@ class SensorView:
     names: tuple[str, ...] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
     outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; empty: unlimited
     carrier: str | None = None  # the agent with which the field of view moves in pictures; None: it stays
+    reach: FloatArray = field(default_factory=_no_points)  # (corners, 2)  the field of view if nothing blocked it
+
+    @property
+    def dashed(self) -> FloatArray:
+        """The corners (corners, 2) of the reach if the outline of what is in sight is unknown; else empty."""
+        return self.reach[:0] if len(self.outline) else self.reach
 
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:

@@ -1,6 +1,7 @@
 """The sensors AERIAL and AERIAL_AGENT, and their occluded variants: views from the air along an axis."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import inf, pi, sqrt
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -28,6 +29,7 @@ DOWN: Quaternion = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
 AHEAD: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 Axis = tuple[float, float, float]
+_Corners = Callable[[FloatArray, Axis, float, float], FloatArray]  # of position, axis, range and fov
 
 _Sighting = tuple[AgentType, tuple[float, float, float]]
 _KINDS = (AgentType.BASIC, AgentType.AERIAL)
@@ -134,6 +136,14 @@ class FlyingSensor(Sensor):
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
+    def _with_field(self, view: SensorView, corners_of: _Corners) -> SensorView:
+        """Return a view with the outline of the last look, or its reach: what is in sight past walls is no polygon."""
+        pose: Pose | None = self._last[1]
+        if pose is None:
+            return view
+        corners = corners_of(*pose, self.range, self.fov)
+        return replace(view, reach=corners) if self._is_occluded else replace(view, outline=corners)
+
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
         """Return the indices of offsets (points, 3) that lie in range and in the cone."""
         # Compares squares, which are the same on every machine and in batches.
@@ -181,11 +191,7 @@ class AerialSensor(FlyingSensor):
     @of_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the part of the ground inside the cone at that time."""
-        pose: Pose | None = self._last[1]
-        outline = np.zeros((0, 2))
-        if pose is not None and not self._is_occluded:  # the visible area behind obstacles is not a polygon
-            outline = fov_geometry.footprint(*pose, self.range, self.fov)
-        return map_view(self._view_data(), outline)
+        return self._with_field(map_view(self._view_data()), fov_geometry.footprint)
 
     def _seen(self, pose: Pose | None) -> Surroundings:
         if pose is None:
@@ -292,12 +298,8 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
     @of_data
     def last_view(self) -> SensorView:
         """Return the agents seen last, their positions at that time, and the ground below the cone."""
-        pose: Pose | None = self._last[1]
         agents = np.array([place[:2] for _, place in self._view_data().values()], np.float64).reshape(-1, 2)
-        outline = np.zeros((0, 2))
-        if pose is not None and not self._is_occluded:
-            outline = fov_geometry.shadow(*pose, self.range, self.fov)
-        return SensorView(agents=agents, names=self._names(), outline=outline)
+        return self._with_field(SensorView(agents=agents, names=self._names()), fov_geometry.shadow)
 
     def _found(self, pose: Pose | None, look: Look) -> tuple[IntArray, Coordinates]:
         """Return the rows (agents,) of the agents that are seen, and their positions."""

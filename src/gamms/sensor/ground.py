@@ -1,6 +1,7 @@
 """Sensors on the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and their occluded variants."""
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from math import pi
 from typing import Any, cast
@@ -148,25 +149,21 @@ class GroundSensor(Sensor):
             node_id = cast("int", self._last[1][0])
         return super().view_from(node_id, owner)
 
-    @of_data
-    def outline(self) -> FloatArray:
-        """Return the corners (corners, 2) of the field of view of the last look; empty if it was unlimited."""
+    def _with_field(self, view: SensorView) -> SensorView:
+        """Return a view with the outline of the last look, and its reach if obstacles can block it."""
         looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
         if looked is None:
-            return np.zeros((0, 2))
+            return view
         place, radius, fov, heading = looked
         try:
             x, y = self._where(place)
         except UnknownName:  # its node is gone
-            return np.zeros((0, 2))
-        return self._area(x, y, radius, heading, fov)
-
-    def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
-        """Return the corners of the area that it covers from a place."""
-        if self._is_occluded:
-            views = self._memory.views_past_obstacles
-            return views.area((x, y), (radius, heading, fov), self._observer_height)
-        return fov_geometry.sector(x, y, radius, heading, fov)
+            return view
+        whole = fov_geometry.sector(x, y, radius, heading, fov)
+        if not self._is_occluded:
+            return replace(view, outline=whole)
+        views = self._memory.views_past_obstacles
+        return replace(view, outline=views.area((x, y), (radius, heading, fov), self._observer_height), reach=whole)
 
     def _where(self, place: Place) -> tuple[float, float]:
         return coordinates(self.ctx, place)
@@ -229,7 +226,7 @@ class MapSensor(GroundSensor):
     @of_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the field of view at that time."""
-        return map_view(self._view_data(), self.outline())
+        return self._with_field(map_view(self._view_data()))
 
     def _where(self, place: Place) -> tuple[float, float]:
         node = self._view_data()["nodes"].get(place)  # its position at that time, unless the data was emptied since
@@ -248,10 +245,10 @@ class OccludedMapSensor(OccludedSensor, MapSensor):
     __slots__ = ()
 
 
-def map_view(data: dict[str, Any], outline: FloatArray) -> SensorView:
-    """Return the view of a sensor of nodes and edges, from its `data`."""
+def map_view(data: dict[str, Any]) -> SensorView:
+    """Return the view of a sensor of nodes and edges, from its `data`, without a field of view."""
     nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
-    return SensorView(nodes, *fov_geometry.polylines(data.get("edges", ())), outline=outline)
+    return SensorView(nodes, *fov_geometry.polylines(data.get("edges", ())))
 
 
 class NeighborSensor(Sensor):
@@ -401,7 +398,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         agents = graph.positions(kept)
         for i, node in enumerate(kept):
             agents[i] = getattr(node, "xy", agents[i])
-        return SensorView(agents=agents, names=self._names(), outline=self.outline())
+        return self._with_field(SensorView(agents=agents, names=self._names()))
 
     def _sighting(self, node_id: int) -> int:
         return node_id

@@ -44,6 +44,7 @@ _TINY_PX = 1.0
 TOGETHER = "agents on the ground"  # the name of the artist of agents
 _VIEWS = (  # attribute of a view, text in the legend, sign
     ("outline", "field of view", "field"),
+    ("dashed", "range, if nothing blocks it", "range"),
     ("lines", "edge in view", "line"),
     ("nodes", "node in view", "dot"),
     ("agents", "agent in view", "ring"),
@@ -257,8 +258,9 @@ def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
     far = 0.0
     for artist in artists.values():
         for _, view in data_of(artist).get("sights", ()):
-            if view is not None and len(view.outline) and view.carrier in ctx.agent.agents:
-                away = view.outline - drawing_of(ctx).position_of(view.carrier, 1.0)
+            corners = np.zeros((0, 2)) if view is None else np.concatenate([view.outline, view.dashed])
+            if len(corners) and view.carrier in ctx.agent.agents:
+                away = corners - drawing_of(ctx).position_of(view.carrier, 1.0)
                 far = max(far, float(np.abs(away).max()))
     return min(far, _MOST_ROOM * longer_side(ctx.graph.columns()))
 
@@ -306,7 +308,7 @@ def legend_of_teams(ctx: IContext) -> Artist:
 
 def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
     """Return whether a view has content other than all `nodes` of the map."""
-    return has_content(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
+    return has_content(view) and (len(view.nodes) < nodes or len(view.outline) > 0 or len(view.dashed) > 0)
 
 
 def sight_radius(columns: GraphColumns) -> float:

@@ -344,12 +344,19 @@ def _line(width: float, *points: tuple[float, float], alpha: int = 255) -> _Sign
     return _SignPart(width, points=points, alpha=alpha)
 
 
+def _arc(width: float, radius: float, begin: float, end: float) -> _SignPart:
+    """Return a part of a circle, from the top on clockwise, in full turns."""
+    turns = np.linspace(begin, end, 5) * 2.0 * pi
+    return _line(width, *((radius * sin(turn), -radius * cos(turn)) for turn in turns.tolist()))
+
+
 _TIMER = _line(3.5, *((6.5 * sin(step * pi / 16), -6.5 * cos(step * pi / 16)) for step in range(13)))
 _SIGNS = {
     _DISC: (_SignPart(radius=_SWATCH_PX + 1.5, color=_RIM), _SignPart(radius=_SWATCH_PX)),
     "ring": (_ring(6.5),),
     "dot": (_SignPart(radius=3.5, alpha=200),),
     "field": (_SignPart(radius=8.0, alpha=50), _SignPart(1.0, 8.0, alpha=150)),
+    "range": tuple(_arc(1.2, 7.5, gap / 8, (gap + 0.6) / 8) for gap in range(8)),
     "line": (_line(4.0, (-8.0, 0.0), (8.0, 0.0), alpha=150),),
     "curve": (_line(2.0, *((x, x * x / 12 - 3.0) for x in range(-8, 9, 2))),),
     "band": (_line(9.0, (-6.0, 0.0), (6.0, 0.0), alpha=90),),

@@ -463,7 +463,8 @@ class SensorCarriers:
         """Return a view without the carrier's own team, whose field moves with the carrier if nothing blocks it."""
         if agent is None:
             return view
-        moves = getattr(sensor, "at", None) is None and not sensor.type.name.startswith("OCCLUDED")
+        is_bounded_by_walls = sensor.type.name.startswith("OCCLUDED") and len(view.outline) > 0
+        moves = getattr(sensor, "at", None) is None and not is_bounded_by_walls
         view = replace(view, carrier=agent.name if moves else None)
         if agent.team is None or not view.names:
             return view
@@ -498,5 +499,5 @@ def _has_looked(sensor: ISensor) -> bool:
 
 
 def has_content(view: SensorView) -> bool:
-    """Return whether a view has nodes, edges, agents or an outline."""
-    return any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))
+    """Return whether a view has nodes, edges, agents or a field of view."""
+    return any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline, view.dashed))

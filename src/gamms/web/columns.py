@@ -220,7 +220,7 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
             if look.shape is not None:
                 shape = shapes.setdefault(id(look.shape), len(shapes))
                 if shape == len(kept):
-                    kept.append([look.shape.is_carried, narrow(look.shape.corners)])
+                    kept.append([look.shape.is_carried, narrow(look.shape.corners), look.shape.is_blocked])
             if look.words is not None:
                 words[len(looks)] = look.words
             sensor = sensors.setdefault((look.sensor, look.kind), len(sensors))

@@ -15,9 +15,10 @@ from gamms import kernels
 from gamms.errors import NotOffered
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
+from gamms.ir.sensor_results import SensorView
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.recorder.sensed import Look, looks_of, parts_of
@@ -59,10 +60,12 @@ class FieldOutline(NamedTuple):
 
     Attributes:
         is_carried: whether the corners are relative to the agent, and move with it.
+        is_blocked: whether obstacles can hide what is inside.
         corners: (2, corners) x and y, in steps of the map.
     """
 
     is_carried: bool
+    is_blocked: bool
     corners: IntArray
 
 
@@ -172,17 +175,17 @@ class KnowledgeTracker:
     # -- fields of view -----------------------------------------------------------------------------------------
 
     def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> FieldOutline | None:
-        """Return the outline of a sensor's field of view; None if it has none, or is cut by obstacles."""
-        if sensor.type.name.startswith("OCCLUDED"):
-            return None
+        """Return the outline of a sensor's field of view, as if nothing blocked it; None if it has none."""
         place, look = pose
         key = sensor.sensor_id, look
         if key not in self._shapes:
             view = self._ctx.visual.drawing.carriers.sight(sensor, agent).view
-            self._shapes[key] = None if view is None else self._outline(view.outline, sensor, place)
+            self._shapes[key] = None if view is None else self._outline(view, sensor, place)
         return self._shapes[key]
 
-    def _outline(self, outline: FloatArray, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
+    def _outline(self, view: SensorView, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
+        is_blocked = len(view.reach) > 0
+        outline = view.reach if is_blocked else view.outline
         if len(outline) < 3 or not np.isfinite(outline).all():
             return None
         is_carried = getattr(sensor, "at", None) is None
@@ -190,7 +193,7 @@ class KnowledgeTracker:
             node = self._ctx.graph.graph.get_node(place)
             place = node.x, node.y
         corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
-        return FieldOutline(is_carried, corners.astype(np.int64).T)
+        return FieldOutline(is_carried, is_blocked, corners.astype(np.int64).T)
 
     def _field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
         """Return the rows of the nodes that a sensor of agents covers; empty for other sensors."""

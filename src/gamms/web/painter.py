@@ -67,6 +67,7 @@ _SIGNS = {  # characters for the signs of legends
     "line": "─",
     "dot": "•",
     "field": "◗",
+    "range": "◌",
 }
 
 _UNREAD = {  # kinds of events that no artist reads

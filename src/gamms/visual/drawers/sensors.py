@@ -14,6 +14,7 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, Color, Rgba, rgba
 from gamms.visual.drawers.agents import rings
+from gamms.visual.drawers.streets import dashes, lengths_along
 from gamms.visual.drawing import Points, drawing_of
 from gamms.visual.shown_turn import view_of
 
@@ -66,8 +67,9 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
         views.setdefault(color, []).append(sparse(view))
     alpha = min(_FILL_ALPHA, round(255 * (1 - (1 - _MOST_OPAQUE) ** (1 / max(len(views), 1)))))
     for color, of_color in views.items():
-        outlines = [_carried(ctx, view, data) for view in of_color if len(view.outline)]
+        outlines = [_carried(ctx, view, view.outline, data) for view in of_color if len(view.outline)]
         _fields_of_view(ctx, outlines, color, alpha)
+        _dash(ctx, [_carried(ctx, view, view.dashed, data) for view in of_color if len(view.dashed)], color)
     visual = drawing_of(ctx)
     for color, of_color in views.items():
         lines = dict[bytes, FloatArray]()
@@ -105,7 +107,9 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
     data = {**data.get("_defaults", {}), **data}
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
-        field_of_view(ctx, _carried(ctx, view, data), color)
+        field_of_view(ctx, _carried(ctx, view, view.outline, data), color)
+    if len(view.dashed):
+        _dash(ctx, [_carried(ctx, view, view.dashed, data)], color)
     if len(view.lines):
         edge_color = _faint(data.get("edge_color", color))
         drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
@@ -116,14 +120,14 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
 
 
-def _carried(ctx: IContext, view: SensorView, data: dict[str, Any]) -> FloatArray:
-    """Return the outline of a field of view, around its carrier as it is shown while it moves."""
+def _carried(ctx: IContext, view: SensorView, corners: FloatArray, data: dict[str, Any]) -> FloatArray:
+    """Return the corners of a field of view, around its carrier as it is shown while it moves."""
     share = data.get("_alpha", 1.0)
     if view.carrier is None or share >= 1.0 or view.carrier not in ctx.agent.agents:
-        return view.outline
+        return corners
     position_of = drawing_of(ctx).position_of
-    outline: FloatArray = view.outline + np.subtract(position_of(view.carrier, share), position_of(view.carrier, 1.0))
-    return outline
+    moved: FloatArray = corners + np.subtract(position_of(view.carrier, share), position_of(view.carrier, 1.0))
+    return moved
 
 
 def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
@@ -142,6 +146,9 @@ render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial
 _SPILL = 4.0  # of the map's longer side: how far beyond it a field is drawn, which is more than pictures show
 _FILL_ALPHA = 30
 _RIM_ALPHA = 130
+# of a dashed border
+_DASHES = 40
+_DASH_PX = 1.5
 
 
 def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
@@ -150,13 +157,8 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
     Raises:
         BadValue: a corner that is no pair of finite numbers.
     """
-    corners = np.asarray(outline, np.float64)
-    box = drawing_of(ctx).of_map(_around_the_map)
-    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
-    if box is not None:
-        corners = cut(corners, *box)
-    if len(corners) < 3 or (box is not None and _is_whole(corners, *box)):
+    corners = _drawn_corners(ctx, outline)
+    if len(corners) == 0:
         return
     visual = drawing_of(ctx)
     visual.render_polygon(corners.tolist(), _faint(color, _FILL_ALPHA))
@@ -165,17 +167,44 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
 
 def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
     """Fill the union of fields of view, and draw its border."""
-    box = drawing_of(ctx).of_map(_around_the_map)
-    visual = drawing_of(ctx)
-    corners = [outline if box is None else cut(outline, *box) for outline in outlines]
-    polygons = union_of([one for one in corners if len(one) > 2])
-    if not polygons:
+    bounded = _bounded(ctx, outlines)
+    if not bounded:
         return
-    bounded = [rings_of(polygon) for polygon in polygons]
+    visual = drawing_of(ctx)
     fills = [seamed(rings) for rings in bounded]
     rims = list(chain.from_iterable(bounded))
     visual.render_polygons(np.concatenate(fills), np.cumsum([0, *map(len, fills)]), _faint(color, alpha))
     visual.render_lines(np.concatenate(rims), np.cumsum([0, *map(len, rims)]), _faint(color, _RIM_ALPHA))
+
+
+def _dash(ctx: IContext, outlines: list[FloatArray], color: AnyColor) -> None:
+    """Draw the border of the union of fields of view dashed."""
+    visual = drawing_of(ctx)
+    for rim in chain.from_iterable(_bounded(ctx, outlines)):
+        points, offsets = dashes(rim, np.array([0, len(rim)]), lengths_along(rim)[-1] / _DASHES)
+        visual.render_lines(points, offsets, _faint(color, _RIM_ALPHA), _DASH_PX)
+
+
+def _bounded(ctx: IContext, outlines: list[FloatArray]) -> list[list[FloatArray]]:
+    """Return the union of fields of view: the closed rings of each polygon."""
+    corners = [_drawn_corners(ctx, outline) for outline in outlines]
+    return [rings_of(polygon) for polygon in union_of([one for one in corners if len(one)])]
+
+
+def _drawn_corners(ctx: IContext, outline: Points) -> FloatArray:
+    """Return a field of view (corners, 2), cut to the surroundings of the map; empty if it contains the whole map.
+
+    Raises:
+        BadValue: a corner that is no pair of finite numbers.
+    """
+    corners = np.asarray(outline, np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
+        raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
+    box = drawing_of(ctx).of_map(_around_the_map)
+    if box is not None:
+        corners = cut(corners, *box)
+    is_drawn = len(corners) > 2 and (box is None or not _is_whole(corners, *box))
+    return corners if is_drawn else corners[:0]
 
 
 def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

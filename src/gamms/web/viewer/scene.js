@@ -345,8 +345,8 @@ export class Scene {
     }
   }
 
-  /** Paint the outline of what a sensor covers. @param {Disc} disc @param {import("./sights.js").Shape} shape @param {string} color */
-  #paintShape(disc, { isCarried, points }, color) {
+  /** Paint the outline of what a sensor covers, dashed where obstacles may hide something inside. @param {Disc} disc @param {import("./sights.js").Shape} shape @param {string} color */
+  #paintShape(disc, { isCarried, isBlocked, points }, color) {
     const { to, camera } = this, far = points.reduce((most, one) => Math.max(most, Math.abs(one)), 0);
     if (isCarried && far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
     const [x, y] = isCarried ? [disc.x, disc.y] : [0, 0];
@@ -354,10 +354,12 @@ export class Scene {
     for (let i = 0; i < points.length; i += 2) to.lineTo(...camera.toScreen(x + points[i], y + points[i + 1]));
     to.closePath();
     to.fillStyle = faded(color, 0.07);
-    to.fill();
-    to.strokeStyle = faded(color, 0.35);
+    if (!isBlocked) to.fill();
+    to.setLineDash(isBlocked ? [5, 4] : []);
+    to.strokeStyle = faded(color, isBlocked ? 0.6 : 0.35);
     to.lineWidth = 1;
     to.stroke();
+    to.setLineDash([]);
   }
 
   /** @param {ArrayLike<number>} rows */

@@ -3,7 +3,7 @@ import { Recording, endsOf } from "./recording.js";
 import { interleaved } from "./values.js";
 
 /** @typedef {import("./recording.js").Part} Part */
-/** @typedef {{isCarried: boolean, points: Float64Array}} Shape corners x, y, x, y, … seen from the agent that carries it, or on the map */
+/** @typedef {{isCarried: boolean, isBlocked: boolean, points: Float64Array}} Shape corners x, y, x, y, … seen from the agent that carries it, or on the map; obstacles may hide what is inside */
 /** @typedef {{sensor: string, kind: string, shape: Shape | null, nodes: ArrayLike<number>, edges: ArrayLike<number>, agents: {name: string, row: number}[], words: string | null}} Look rows of nodes and edges; the row of an agent is -1 where it is on its node */
 /** @typedef {{nodes: Set<number>, agents: Set<string>}} Sight rows of nodes, and names of agents of others */
 /** @typedef {{part: Part, entry: number}} Moment where what is sensed at a moment is in a part */
@@ -85,7 +85,7 @@ export class Sights {
   }
 }
 
-/** @param {[boolean, ArrayLike<number>]} shape @param {number} step @returns {Shape} */
-function shapeOf([isCarried, corners], step) {
-  return { isCarried, points: interleaved(corners, 2, step) };
+/** @param {[boolean, ArrayLike<number>, boolean]} shape @param {number} step @returns {Shape} */
+function shapeOf([isCarried, corners, isBlocked], step) {
+  return { isCarried, isBlocked, points: interleaved(corners, 2, step) };
 }
