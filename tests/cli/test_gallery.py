@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from gamms import cli, scenario
 from gamms.cli.gallery import about, records
+from gamms.visual.constants import Layer
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 from gallery_results import measured
@@ -48,6 +49,15 @@ def test_a_game_says_what_it_models_and_is_at_most_a_page_of_code(name):
     assert re.search(r"\b(19|20)\d\d\b", about(game)[0]), "name what it is near to in the literature"
     files = {found.file for found in game.code() if found.file is not None}
     assert all(len([line for line in file.read_text().splitlines() if line]) <= 66 for file in files)
+
+
+@pytest.mark.parametrize("name", GAMES)
+def test_a_game_paints_nothing_over_its_agents(name):
+    with GAMES[name].build(1) as ctx:
+        drawn = {name: one.get_layer() for name, one in ctx.visual.artists.declared.items()}
+    beside = {key: layer for key, layer in drawn.items() if layer >= Layer.AGENTS}
+    assert set(beside.values()) <= {Layer.FLAGS}, "signs beside agents, and what they carry"
+    assert not any(key.startswith("rule_") for key in beside), beside
 
 
 @pytest.mark.parametrize("name", GAMES)

@@ -7,6 +7,7 @@ import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
 from gamms.visual.artist import ArtistGroup
+from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import as_text, in_text
 
 
@@ -51,23 +52,26 @@ def test_a_game_that_begins_again_has_no_marks(game):
     assert on_layer(game, 25) == []
 
 
-def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_square(game):
+def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_square_below_agents(game):
     go(game, "r0", 9)
     game.game.step()
-    poles = [
-        pole[0].tolist() for pole in on_layer(game, 22, DrawKind.POLYGON) if len(pole) == 3
-    ]  # a place and two ends
-    assert poles == [[90.0, 0.0], [0.0, 0.0]]
+
+    def poles_on(layer):  # of a place and two ends
+        return [pole[0].tolist() for pole in on_layer(game, layer, DrawKind.POLYGON) if len(pole) == 3]
+
+    assert (poles_on(Layer.FLAGS), poles_on(Layer.GOALS)) == ([[90.0, 0.0]], [[0.0, 0.0]])
+    assert Layer.GOALS < Layer.AGENTS
     agent = game.agent.get_agent("r0")
     agent.get_state()["action"] = 8
     agent.set_state()
     game.visual.simulate()
     game.visual.drawing.motion.begin_turn()
-    share = {name: artist for name, artist in game.visual.artists.shown().items() if name == "flags"}
+    shown = game.visual.artists.shown()
+    share = {name: shown[name] for name in ("flags", "flags beneath")}
     half = ArtistGroup(game, share).commands(0.5)
     corners = np.diff(half.offsets)
     poles = half.points[half.offsets[:-1][corners == 3]]
-    assert poles.tolist() == [[85.0, 0.0], [0.0, 0.0]]
+    assert poles.tolist() == [[0.0, 0.0], [85.0, 0.0]]
     squares = half.points[half.offsets[:-1][(corners == 5) & (half.width > 0)]]
     assert squares.tolist() == [[90.0, 0.0], [0.0, 0.0]]
 

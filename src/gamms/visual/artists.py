@@ -224,6 +224,7 @@ class Artists(ContextPart):
             raise ContextTerminated("the state to draw")
         self._warn_of_unknown_agents()
         artists = self._of_default(scene, sensors=sensors) | self.declared
+        artists = _beneath(self._ctx, artists) | artists
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
             artists = self.fog.filtered(artists)
@@ -579,6 +580,16 @@ def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
         return True
     kind = _kind_of(artist)
     return with_custom and artist.get_drawer() is not render_input_overlay and (kind is None or _KINDS[kind].is_shape)
+
+
+def _beneath(ctx: IContext, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
+    """Return artists of what belongs to visible artists but lies below agents."""
+    found: dict[str, IArtist] = {}
+    for name, artist in artists.items():
+        drawer = getattr(artist.get_drawer(), "beneath", None)
+        if drawer is not None and artist.get_visible():
+            found[f"{name} beneath"] = Artist(ctx, drawer, drawer.layer)
+    return found
 
 
 def _artists_of_trails(ctx: IContext, artists: Mapping[str, IArtist], turns: int) -> dict[str, IArtist]:

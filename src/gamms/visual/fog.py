@@ -27,7 +27,7 @@ from gamms.visual.drawers.agents import render_looks
 from gamms.visual.drawers.graph import render_base_map, typical_edge_length
 from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import legend_of_messages, render_messages
-from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
+from gamms.visual.drawers.rules import flags_in, render_flags, render_homes, territories_in
 from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
@@ -100,6 +100,9 @@ class Fog:
             shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
             kept[key] = shown_flags
             shown_flags.data = {"key": key}
+            homes = Artist(self._ctx, _TurnDrawer(self._draw_homes), Layer.GOALS)
+            kept[f"{key} beneath"] = homes
+            homes.data = {"key": key}
         if "messages" in artists:
             shown_messages = Artist(self._ctx, self._draw_messages, Layer.MESSAGES)
             kept["messages"] = shown_messages
@@ -184,6 +187,9 @@ class Fog:
 
     def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_flags(ctx, data | {"hidden": self.hidden})
+
+    def _draw_homes(self, ctx: IContext, data: dict[str, Any]) -> None:
+        render_homes(ctx, data | {"hidden": self.hidden})
 
     def _draw_messages(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_messages(ctx, data | {"of": self._own_names(), "hidden": self.hidden})

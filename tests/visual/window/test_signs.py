@@ -26,8 +26,8 @@ def extent(pixels, color, x, y):
 def test_the_wheel_leaves_signs_as_large_as_they_are(ctx, person, seen, name):
     for agent in ctx.agent.agents.values():
         agent.register_strategy(staying)
-    ctx.agent.get_agent("red_0").current_node_id = 1 if name == "out" else 0
-    ctx.agent.get_agent("blue_0").current_node_id = 1
+    for agent in ("red_0", "blue_0"):  # together, or clear of the home of the flag
+        ctx.agent.get_agent(agent).current_node_id = 1 if name == "out" else 0
     ctx.game.add(RULES[name]())
     ctx.game.step()
     view, color = ctx.visual._render_manager, ctx.visual.drawing.group_colors()["red"]

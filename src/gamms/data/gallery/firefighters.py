@@ -74,7 +74,7 @@ def fire(pace, most):
                 at = ctx.graph.get_node(node)
                 ctx.visual.render_circle(at.x, at.y, 0.4, color, width)
 
-    draw.layer = 21
+    draw.layer = 19
     draw.legend = LegendRows(
         "", (LegendRow(BURNING, "burning tree"), LegendRow(PROTECTED, "protected tree", sign="ring"))
     )

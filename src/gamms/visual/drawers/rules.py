@@ -4,7 +4,7 @@ They read only `ctx.game.data`, because replays have no rules. Flags are `{"base
 "carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -93,28 +93,38 @@ def _is_owned(value: object) -> bool:
 
 
 def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the flags that a rule stores under `data["key"]`: on their bases, or beside the agents that carry them.
-
-    `data` may have `colors` by team, and names of agents as `hidden`: flags that hidden agents carry are not shown.
-    """
-    kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
+    """Draw the flags under `data["key"]` that agents carry, beside these agents; see `render_homes` for `data`."""
     visual = drawing_of(ctx)
-    graph = ctx.graph.graph
-    carriers = kept["carriers"]
-    for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
-        carrier = carriers.get(team)
-        base = kept["bases"][team]
-        if carrier in data.get("hidden", ()):
-            continue
-        home = graph.get_node(base) if graph.has_node(base) else None
-        if home is not None:
-            visual.render_symbols([(home.x, home.y)], _BASE_PX * _BASE, color, _BASE_LINE_PX)
+    for color, _, carrier in _flags(ctx, data):
         if carrier in ctx.agent.agents:
             with visual.owned(agent=carrier):
                 _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
-        elif home is not None:
+
+
+def render_homes(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the homes of the flags that a rule stores under `data["key"]`, and the flags that are there.
+
+    `data` may have `colors` by team, and names of agents as `hidden`: flags that hidden agents carry are not shown.
+    """
+    visual = drawing_of(ctx)
+    graph = ctx.graph.graph
+    for color, base, carrier in _flags(ctx, data):
+        if not graph.has_node(base):
+            continue
+        home = graph.get_node(base)
+        visual.render_symbols([(home.x, home.y)], _BASE_PX * _BASE, color, _BASE_LINE_PX)
+        if carrier not in ctx.agent.agents:
             visual.render_symbols([(home.x, home.y)], _AT_HOME_PX * _BASE, color)
             _pennant(ctx, home.x, home.y, color)
+
+
+def _flags(ctx: IContext, data: dict[str, Any]) -> Iterator[tuple[AnyColor, Any, Any]]:
+    """Yield the color, the home and the carrier of the shown flags."""
+    kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
+    for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
+        carrier = kept["carriers"].get(team)
+        if carrier not in data.get("hidden", ()):
+            yield color, kept["bases"][team], carrier
 
 
 class KeyedDrawer:
@@ -137,8 +147,26 @@ class KeyedDrawer:
         return hash((type(self), self.artist))
 
 
+class HomesDrawer(KeyedDrawer):
+    """Draws the homes of flags, below agents; see `KeyedDrawer`."""
+
+    layer = Layer.GOALS
+    once_a_turn = True
+    is_mark = True
+    is_in_fog = True
+    settles_in = 0
+
+    def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
+        """Draw the homes of the flags."""
+        render_homes(ctx, {**data, **self.keywords})
+
+
 class FlagsDrawer(KeyedDrawer):
-    """Draws the flags under a key of `ctx.game.data`; see `KeyedDrawer`."""
+    """Draws the flags under a key of `ctx.game.data`; see `KeyedDrawer`.
+
+    Attributes:
+        beneath: draws what belongs to them but lies below agents.
+    """
 
     layer = Layer.FLAGS
     legend = _FLAGS
@@ -146,8 +174,12 @@ class FlagsDrawer(KeyedDrawer):
     is_in_fog = True
     settles_in = 0
 
+    def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
+        super().__init__(key, colors)
+        self.beneath = HomesDrawer(key, colors)
+
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
-        """Draw the flags."""
+        """Draw the flags that agents carry."""
         render_flags(ctx, {**data, **self.keywords})
 
 
@@ -275,7 +307,8 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 render_flags.__dict__["legend"] = _FLAGS
+render_homes.__dict__["once_a_turn"] = True
 render_goals.__dict__.update(artist="goals", layer=Layer.GOALS, legend=_GOALS, once_a_turn=True, settles_in=0)
-for _drawer in (render_flags, render_goals):
+for _drawer in (render_flags, render_homes, render_goals):
     _drawer.is_mark = True  # type: ignore[attr-defined] # no name is written upon it
     _drawer.is_in_fog = True  # type: ignore[attr-defined] # teams that see little know of it
