@@ -6,7 +6,9 @@ import pytest
 
 import gamms
 from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.constants import Layer
+from gamms.visual.drawers.messages import legend_of_messages
 from gamms.visual.fog import Fog
 
 BLUE, RED = TEAM_COLORS[:2]
@@ -75,6 +77,31 @@ def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):
     street.agent.get_agent("rita").current_node_id = 1
     Fog(street, "red").look()
     assert arcs(street) == {(0, 10, BLUE, 90), (300, 10, RED, 200)}
+
+
+def test_a_message_that_nobody_hears_is_a_ring_that_grows_and_fades(street):
+    street.game.add_channel("whisper", range_m=1)
+
+    def whisper(state):
+        state["outbox"].append({"channel": "whisper", "to": "ben", "body": 1})
+        state["action"] = state["curr_pos"]
+
+    street.agent.get_agent("anna").register_strategy(whisper)
+    street.game.step()
+    street.game.step()
+
+    def rings(share):
+        commands = ArtistGroup(street, {"messages": street.visual.artists.shown()["messages"]}).commands(share)
+        assert commands.points.tolist() == [[0.0, 0.0]]
+        return commands.size.tolist(), commands.color.tolist()
+
+    [first], [(*color, ink)] = rings(0.0)
+    [last], [(*_, faint)] = rings(1.0)
+    assert tuple(color) == BLUE
+    assert (first < last, ink > faint > 50) == (True, True)
+    [row] = legend_of_messages(street).rows
+    assert row.name == "message that nobody hears"
+    assert legend_of_messages(street, {"rita", "rob"}) is None
 
 
 def test_messages_of_agents_that_are_gone_are_left_out(street):

@@ -1,6 +1,7 @@
 """The viewer in a browser, from a file and without a network: it plays, seeks, and obeys mouse, fingers and keys."""
 
 import html
+import io
 import json
 
 import browser
@@ -187,6 +188,91 @@ def test_a_click_on_an_agent_says_what_it_knows(page):
         assert part in words
     page.key("Escape")
     assert page.value("gamms.look.selected") is None
+
+
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory):
+    """A page of a drone that flies in its first turn, a walker by metres, and one that speaks to nobody in reach."""
+
+    def fly(state):
+        state["action"] = (3.0, 4.0, 0.0) if state["turn"] == 0 else (0.0, 0.0, 0.0)
+        state["outbox"].append({"channel": "radio", "to": "walker", "body": "hello"})
+
+    def walk(state):
+        state["action"] = min(3, max(state["legal"]))
+
+    path = tmp_path_factory.mktemp("moved") / "moved.html"
+    stream = io.BytesIO()
+    with gamms.create_context(seed=1, game={"speed_unit": "metres"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 8))
+        eyes = {"a_long_name": gamms.sensor.occluded_aerial_agent(range_m=5.0)}
+        given = {"type": "AERIAL", "position": (20.0, 10.0, 8.0), "speed": 5.0, "sensors": eyes, "strategy": fly}
+        ctx.agent.create_agent("drone", start_node_id=0, **given)
+        ctx.agent.create_agent("walker", start_node_id=0, speed=14.0, strategy=walk)
+        ctx.game.add_channel("radio", range_m=1.0)
+        ctx.game.run(max_turns=3, record=stream, sensed=True)
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        recording.save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("agent", "turn", "move"),
+    [
+        ("drone", 1, "flies to (23.0, 14.0, 8.0)"),
+        ("drone", 2, "stays"),
+        ("walker", 1, "goes to 1, goes on toward 2"),
+        ("walker", 3, "goes to 3"),
+    ],
+)
+def test_the_panel_says_by_which_move_an_agent_got_where_it_is(chromium, moved, agent, turn, move):
+    page = chromium.open(moved)
+    page.value(f"gamms.seek({turn}), gamms.select('{agent}')")
+    said = (
+        "[...document.querySelectorAll('.panel dt')].find((one) => one.textContent === 'move').nextSibling.textContent"
+    )
+    assert page.value(said) == move
+
+
+def test_what_a_sensor_says_is_on_one_line_beside_a_long_name(chromium, moved):
+    page = chromium.open(moved)
+    page.value("gamms.select('drone')")
+    said = "[...document.querySelectorAll('.panel dd')].find((one) => one.textContent === 'nothing')"
+    page.value(f"window.range = document.createRange(), range.selectNodeContents({said})")
+    assert page.value("range.getClientRects().length") == 1
+    assert page.value(f"{said}.previousSibling.textContent") == "a_long_name (OCCLUDED_AERIAL_AGENT)"
+
+
+def test_a_message_that_nobody_hears_is_a_ring_that_fades_and_can_be_left_out(chromium, moved):
+    page = chromium.open(moved)
+    assert "Messages" in page.value(
+        "[...document.querySelectorAll('#look label > span')].map((one) => one.textContent)"
+    )
+    page.value("gamms.seek(2)")
+    page.settle()
+    page.value(
+        """(() => {
+          const { scene } = gamms.views[0], { arc } = scene.to, found = [];
+          scene.to.arc = function (x, y, radius, ...rest) {
+            found.push([Math.round(radius), this.strokeStyle]);
+            arc.call(this, x, y, radius, ...rest);
+          };
+          window.arcs = (share, messages) => {
+            found.length = 0;
+            scene.paint({ ...gamms.look, messages }, share, false);
+            return [...found];
+          };
+        })()"""
+    )
+    rings = []
+    for share in (0.1, 1):
+        without, found = (page.value(f"arcs({share}, {messages})") for messages in ("false", "true"))
+        assert len(found) == len(without) + 1
+        rings.append(found[0])  # which is painted first, below agents
+    (first, strong), (last, faint) = rings
+    assert first < last
+    alphas = [float(color.split(",")[-1].strip(" )")) for color in (strong, faint)]
+    assert alphas[0] > alphas[1] > 0.2
 
 
 def test_two_fingers_zoom_on_a_phone(chromium, walk):

@@ -65,7 +65,8 @@ class Turn(NamedTuple):
         in_air: the flying agents.
         ways: row of an agent -> rows of the nodes that it passed, unless it moved directly from one node to the next;
             an empty list: it was placed on its node without travel.
-        messages: sender, receiver, and the fate: 0 heard next turn, 1 overheard, 2 lost.
+        messages: sender, receiver, and the fate: 0 heard next turn, 1 overheard, 2 lost; 3 for a message that no agent
+            is known to hear, which has no receiver.
         changes: changed slots.
         facts: changed facts about agents.
         captions: sentences about the events.
@@ -79,7 +80,7 @@ class Turn(NamedTuple):
     on_edges: OnEdges
     in_air: InAir
     ways: Mapping[int, Sequence[int]]
-    messages: Sequence[tuple[str, str, int]]
+    messages: Sequence[tuple[str, str | None, int]]
     changes: Sequence[Change]
     facts: Sequence[Fact]
     captions: Sequence[Mapping[str, Plain]]
@@ -201,8 +202,8 @@ def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[A
     found = list[tuple[int, int, int, int]]()
     for at, turn in enumerate(turns):
         for sender, receiver, fate in turn.messages:
-            if receiver in row_of:
-                found.append((at, row_of.get(sender, -1), row_of[receiver], fate))
+            if receiver is None or receiver in row_of:
+                found.append((at, row_of.get(sender, -1), -1 if receiver is None else row_of[receiver], fate))
     return narrow(np.array(found, np.int64).reshape(-1, 4).T)
 
 

@@ -36,6 +36,9 @@ _MOST_ROWS = 400
 _MOST_BODY = 120  # letters of a message
 _NOTHING = "\u2013"  # a dash
 _OPEN = ""
+# fates of messages, after the indices in `ARRIVALS`
+LOST = 2
+UNHEARD = 3
 _DECISION = "Decision"
 _MESSAGES = "Messages"
 _OF_ONE = {  # kinds of events that change the facts about the agent that they name
@@ -313,7 +316,7 @@ class AgentFacts:
         self._known: dict[str, Facts] = {}  # agent -> lasting facts
         self._momentary: dict[str, Facts] = {}  # agent -> facts about the last turn
         self._sent: dict[int, list[tuple[str, str, int, str, str]]] = {}  # turn -> messages that arrive in it
-        self.messages: list[tuple[str, str, int]] = []  # see `columns.Turn`
+        self.messages: list[tuple[str, str | None, int]] = []  # see `columns.Turn`
 
     def present(self) -> Iterator[tuple[str, str, str, str | None]]:
         """Yield all current facts: agent, heading, key, text."""
@@ -411,7 +414,10 @@ class AgentFacts:
         for number, key in enumerate(ARRIVALS):
             for receiver, when in dict(message.get(key) or {}).items():
                 self._sent.setdefault(when, []).append((sender, receiver, number, f"{key} from {sender}", body))
-        self.messages += [(sender, receiver, 2) for receiver in (*fates["lost"], *fates["jammed"])]
+        lost = [*fates["lost"], *fates["jammed"]]
+        self.messages += [(sender, receiver, LOST) for receiver in lost]
+        if not any(fates.values()):
+            self.messages.append((sender, None, UNHEARD))
 
 
 def _put(found: dict[str, Facts], name: str, heading: str, key: str, words: str) -> None:

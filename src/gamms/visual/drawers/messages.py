@@ -1,7 +1,7 @@
-"""Drawer of messages that arrive: an arc from the sender to each agent that hears it."""
+"""Drawer of messages: an arc from the sender to each agent that hears it, or a ring that fades if none does."""
 
 from collections.abc import Collection, Iterator
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,11 @@ _RING_PX = 11.0
 # alpha of heard and of overheard messages
 _INK = 200
 _FAINT = 90
+# of the ring around the sender of a message that nobody hears: its radius, how it grows over the turn, and its alpha
+_UNHEARD_PX = 13.0
+_WIDER_PX = 9.0
+_UNHEARD_INK = 230
+_FADED = 140
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
 _HEIGHT = 0.12  # of an arc, in lengths of the way
 
@@ -33,6 +38,7 @@ def has_messages(ctx: IContext) -> bool:
 def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the messages that arrive after the moves of this turn, in the colors of the senders.
 
+    A message sent in this turn that nobody hears is a ring around its sender, which grows and fades over the turn.
     `data` may have `of`, names of agents: only messages that these send, hear or overhear are shown; and `hidden`,
     names of agents: a message from a hidden agent is a ring around its receiver.
     """
@@ -50,6 +56,20 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
         else:
             arc = _arc(visual.position_of(sender, alpha), end)
             visual.render_lines(arc, [0, len(arc)], color, _LINE_PX)
+    for sender in islice(_unheard(ctx, data.get("of")), _MOST):
+        if sender in agents and sender not in hidden:
+            color = (*visual.color_of(color_group(agents[sender])), round(_UNHEARD_INK - _FADED * alpha))
+            radius = _UNHEARD_PX + _WIDER_PX * alpha
+            visual.render_circles([visual.position_of(sender, alpha)], radius, color, _LINE_PX, in_pixels=True)
+
+
+def _unheard(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:
+    """Yield the senders of messages of this turn that no agent will hear or overhear, each once."""
+    game = ctx.current_game
+    turn = 0 if game is None else game.turn
+    sent = takewhile(lambda entry: entry["turn"] >= turn, reversed(() if game is None else game.messages))
+    lost = (entry["sender"] for entry in sent if not any(entry[key] for key in ARRIVALS))
+    yield from dict.fromkeys(sender for sender in lost if of is None or sender in of)
 
 
 def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, str, bool]]:
@@ -76,9 +96,13 @@ def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
 
 
 def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> LegendRows | None:
-    """Return the legend rows of the message arcs that are shown; `of` is as for `render_messages`."""
-    is_any = next(_arriving(ctx, of), None) is not None
-    return LegendRows("", (LegendRow(SIGN, "message", sign="curve"),)) if is_any else None
+    """Return the legend rows of the messages that are shown; `of` is as for `render_messages`."""
+    rows = list[LegendRow]()
+    if next(_arriving(ctx, of), None) is not None:
+        rows.append(LegendRow(SIGN, "message", sign="curve"))
+    if next(_unheard(ctx, of), None) is not None:
+        rows.append(LegendRow(SIGN, "message that nobody hears", sign="ring"))
+    return LegendRows("", tuple(rows)) if rows else None
 
 
 render_messages.__dict__["legend"] = legend_of_messages

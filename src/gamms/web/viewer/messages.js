@@ -1,24 +1,26 @@
-// Messages: arcs from senders to those that hear or overhear them, and crosses where they are lost.
+// Messages: arcs from senders to those that hear or overhear them, crosses where they are lost, and rings that fade where nobody hears them.
 import { faded } from "./themes.js";
 
 const HEIGHT = 0.12; // of an arc, in lengths of the way
 const MOST = 2000;
-const HEARD = 0, OVERHEARD = 1; // fates
+const HEARD = 0, OVERHEARD = 1, UNHEARD = 3; // fates
 const ALPHAS = [0.8, 0.45];
+const RING_PX = 5, WIDER_PX = 9, RING_ALPHA = 0.9, FADED = 0.55, FLYER = 1.8; // of the ring around a sender: beyond its disc or the ring of a flyer, growing over the turn as it fades
 
 /** @typedef {import("./scene.js").Scene} Scene */
 
 /**
  * Paint what agents hear next, and what was lost in this turn, in the colors of the senders.
- * @param {CanvasRenderingContext2D} to @param {Scene} scene @param {import("./scene.js").Look} look
+ * @param {CanvasRenderingContext2D} to @param {Scene} scene @param {import("./scene.js").Look} look @param {number} share of the turn
  */
-export function paintMessages(to, scene, look) {
+export function paintMessages(to, scene, look, share) {
   const discs = new Map(scene.discs.map((disc) => [disc.name, disc]));
   const isOwn = (/** @type {string | null} */ name) => look.fog === null || discs.get(name ?? "")?.side === look.fog;
   for (const { sender, receiver, fate } of scene.replay.state.messages.slice(0, MOST)) {
-    const from = discs.get(sender ?? ""), end = discs.get(receiver), isHeard = fate <= OVERHEARD;
+    const from = discs.get(sender ?? ""), end = discs.get(receiver ?? ""), isHeard = fate <= OVERHEARD;
+    if (fate === UNHEARD && from !== undefined && isOwn(sender)) ring(to, from, (from.way.agent.flies ? FLYER : 1) * from.radius + RING_PX + WIDER_PX * share, faded(from.color, RING_ALPHA - FADED * share));
     if (end === undefined || !((isOwn(sender) && fate !== OVERHEARD) || (isOwn(receiver) && isHeard))) continue;
-    if (from === undefined && isHeard) ring(to, end.px, end.py, "#808080");
+    if (from === undefined && isHeard) ring(to, end, 11, "#808080");
     else if (from !== undefined && isHeard) arc(to, from, end, faded(from.color, ALPHAS[fate]), fate === HEARD ? [] : [3, 5]);
     else if (from !== undefined) lost(to, from, end);
   }
@@ -65,11 +67,11 @@ function bend(from, end) {
   return [from.px + dx / 2 + 2 * HEIGHT * dy, from.py + dy / 2 - 2 * HEIGHT * dx];
 }
 
-/** @param {CanvasRenderingContext2D} to @param {number} x @param {number} y @param {string} color */
-function ring(to, x, y, color) {
+/** @param {CanvasRenderingContext2D} to @param {End} around @param {number} radius @param {string} color */
+function ring(to, { px, py }, radius, color) {
   to.strokeStyle = color;
   to.lineWidth = 2;
   to.beginPath();
-  to.arc(x, y, 11, 0, 2 * Math.PI);
+  to.arc(px, py, radius, 0, 2 * Math.PI);
   to.stroke();
 }

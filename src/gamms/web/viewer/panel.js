@@ -114,7 +114,7 @@ export class Panel {
     const isHidden = app.look.fog !== null && agent.side !== app.look.fog; // of whom the team knows only where it is
     const facts = [["state", agent.alive ? null : "out of the game"], ["node", nameOf(agent.row)], ["street", agent.row < 0 ? undefined : streetAt(world, agent.row)], ["before", before === undefined || before.row === agent.row ? null : nameOf(before.row)],
       ["on an edge", agent.edge === null ? null : `${Math.round(agent.edge.share * 100)} % from ${nameOf(agent.edge.from)} to ${nameOf(agent.edge.to)}`],
-      ["position", agent.position?.map((one) => one.toFixed(1)).join(", ")], ...replay.timeline.factsOf(agent.name, "", turn), ...(isHidden ? [] : factsOf(state, agent.name))];
+      ["position", placeOf(agent)], ...replay.timeline.factsOf(agent.name, "", turn), ...(isHidden ? [] : factsOf(state, agent.name))];
     const parts = [element("div", { class: "actions" }, follow, back), table(facts.filter((pair) => pair[1] !== null && pair[1] !== undefined))];
     if (isHidden) return [...parts, element("p", { class: "faint", text: `What ${app.look.fog} does not know of it is not shown.` })];
     const section = (/** @type {string} */ heading) => titled(heading, replay.timeline.factsOf(agent.name, heading, turn));
@@ -123,11 +123,9 @@ export class Panel {
 
   /** What the agent did in the turn that is shown. @param {Replay} replay @param {Agent} agent */
   #decision(replay, agent) {
-    const { turn } = replay.state, { nodeIds } = replay.world;
-    if (turn === replay.recording.first || agent.way?.length === 0) return [];
-    const passed = passedBy(agent, replay.before.get(agent.name) ?? null).map((row) => nodeIds[row]);
-    const went = passed.length ? `goes to ${passed.join(", ")}` : "stays";
-    return titled(`Decision in turn ${turn}`, [["move", went], ...replay.timeline.factsOf(agent.name, "Decision", turn)]);
+    const { turn } = replay.state, before = replay.before.get(agent.name);
+    if (turn === replay.recording.first || agent.way?.length === 0 || !before?.alive) return [];
+    return titled(`Decision in turn ${turn}`, [["move", moveOf(replay, agent, before)], ...replay.timeline.factsOf(agent.name, "Decision", turn)]);
   }
 
   /** What its sensors tell it now. @param {Replay} replay @param {Agent} agent */
@@ -142,6 +140,21 @@ export class Panel {
     });
     return titled(sensed === null ? "Sensors" : "What its sensors tell it", rows);
   }
+}
+
+/** Return what an agent did in a turn, as a verb and where to. @param {Replay} replay @param {Agent} agent @param {Agent} before */
+function moveOf({ world }, agent, before) {
+  const nameOf = (/** @type {number} */ row) => world.nodeIds[row];
+  if (agent.flies) return String(agent.position) === String(before.position) ? "stays" : `flies to (${placeOf(agent)})`;
+  const passed = passedBy(agent, before).map(nameOf), { edge } = agent;
+  const isOn = edge !== null && (passed.length > 0 || edge.to !== before.edge?.to || edge.share !== before.edge.share);
+  const parts = [passed.length ? `goes to ${passed.join(", ")}` : null, isOn ? `goes on toward ${nameOf(edge.to)}` : null].filter(Boolean);
+  return parts.join(", ") || "stays";
+}
+
+/** Return where an agent in the air is. @param {Agent} agent */
+function placeOf({ position }) {
+  return position?.map((one) => one.toFixed(1)).join(", ");
 }
 
 /** Return the name of a street at a node. @param {import("./world.js").World} world @param {number} row */
@@ -173,7 +186,7 @@ function factsOf(state, name) {
 /** What the signs on the map mean. @param {Replay} replay @param {Map<string, any>[]} blocks @returns {Node[]} */
 function signs(replay, blocks) {
   const rows = blocks.filter((one) => !one.get("title")).flatMap(rowsOf);
-  if (replay.timeline.hasMessages) rows.push(rowOf([undefined, "a message; dashed: overheard; crossed: lost", "", "⌒"]));
+  if (replay.timeline.hasMessages) rows.push(rowOf([undefined, "a message; dashed: overheard; crossed: lost; a ring: nobody is known to hear it", "", "⌒"]));
   return rows.length ? [element("details", { open: true }, element("summary", { text: "Signs" }), ...rows)] : [];
 }
 

@@ -7,7 +7,7 @@ import { valueOf } from "./values.js";
 import { World } from "./world.js";
 
 /** @typedef {import("./recording.js").Agent} Agent */
-/** @typedef {{sender: string | null, receiver: string, fate: number}} Message fate: 0 it is heard next, 1 overheard, 2 lost */
+/** @typedef {{sender: string | null, receiver: string | null, fate: number}} Message fate: 0 it is heard next, 1 overheard, 2 lost, 3 nobody is known to hear it */
 /**
  * @typedef {object} State how the game stands at the end of a turn
  * @property {number} turn @property {Map<string, Agent>} agents @property {Map<string, any>} drawings by the names of their artists
@@ -77,8 +77,8 @@ export class Replay {
     const columns = this.recording.columns(part).get("messages"), size = columns.length / 4;
     for (let i = 0; i < size; i++) {
       if (columns[i] !== turn - part.first) continue;
-      const sender = columns[size + i];
-      found.push({ sender: sender < 0 ? null : part.agents[sender], receiver: part.agents[columns[2 * size + i]], fate: columns[3 * size + i] });
+      const [sender, receiver] = [1, 2].map((column) => part.agents[columns[column * size + i]] ?? null);
+      found.push({ sender, receiver, fate: columns[3 * size + i] });
     }
     return found;
   }

@@ -99,7 +99,7 @@ export class Scene {
     this.#paintDrawings(to, below.filter((one) => !still.includes(one)), look, share);
     this.#paintTrails(look);
     this.#paintSights(look, colors);
-    if (look.messages) paintMessages(to, this, look);
+    if (look.messages) paintMessages(to, this, look, share);
     this.#paintAgents(look, theme);
     this.#paintDrawings(to, drawings.filter((one) => !below.includes(one)), look, share);
     this.marks = drawings.flatMap((one) => this.#marksOf(one, colors));
