@@ -63,6 +63,14 @@ def test_what_artists_draw_is_rendered_but_not_in_fog_for_it_may_tell_too_much(t
         assert ("where blue is" in (tmp_path / "game.svg").read_text()) == is_shown
 
 
+@pytest.mark.parametrize("fog", [[], ["--fog", "red"]])
+def test_views_of_sensors_are_drawn_unless_they_are_left_out(game, tmp_path, fog):
+    for number, option in enumerate(([], ["--sensors"], ["--no-sensors"])):
+        assert run(game, tmp_path / f"{number}.svg", *fog, *option).exit_code == 0
+    seen = ["field of view" in (tmp_path / f"{number}.svg").read_text() for number in range(3)]
+    assert seen == [True, True, False]
+
+
 def film_of(path):
     with av.open(str(path)) as file:
         return [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]

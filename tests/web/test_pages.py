@@ -69,11 +69,12 @@ def test_the_same_recording_gives_the_same_bytes(game):
 
 
 def test_gamms_render_writes_a_page(game, tmp_path):
-    options = rendering.RenderOptions(first=41, title="Later", theme="dark", trails=5)
+    options = rendering.RenderOptions(first=41, title="Later", theme="dark", trails=5, sensors=False)
     assert rendering.render(game, tmp_path / "game.html", options) == 80
     text = (tmp_path / "game.html").read_text()
     [shown] = re.findall(r'id="options">([^<]*)<', text)
-    assert json.loads(shown) == {"title": "Later", "theme": "dark", "labels": "auto", "trails": 5, "turn": 40}
+    look = {"title": "Later", "theme": "dark", "labels": "auto", "trails": 5, "sensors": False, "turn": 40}
+    assert json.loads(shown) == look
     with pytest.raises(BadValue, match="all turns"):
         rendering.render(game, tmp_path / "game.html", rendering.RenderOptions(last=5))
 

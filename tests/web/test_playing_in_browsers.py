@@ -1,6 +1,7 @@
 """Two people and two strategies play on loopback, on two pages of a real browser: with mouse, fingers and keys."""
 
 import json
+import math
 import zlib
 
 import pytest
@@ -182,3 +183,51 @@ def test_on_a_phone_nothing_covers_a_choice_or_the_source_of_the_map(chromium):
     for i, (left, top, right, low) in enumerate(boxes):
         for other in boxes[:i]:
             assert right <= other[0] or other[2] <= left or low <= other[1] or other[3] <= top
+
+
+SIGHT = """(({scene, replay}) => ({
+  nodes: [...scene.sightOfTeam.nodes].map((row) => scene.world.nodeIds[row]).sort((a, b) => a - b),
+  seen: Object.fromEntries([...replay.sensed].map(([name, [look]]) => [name, look.agents.map((one) => one.name)])),
+}))(gamms.views[0])"""
+"""What gives the nodes that are in sight, and which agents each of a person's agents reports."""
+INSIDE = """(() => {
+  const { scene } = gamms.views[0], { px, py } = scene.discOf("rita"), half = 5 * scene.camera.scale;
+  const ink = (sensors) => {
+    scene.paint({ ...gamms.look, sensors }, 1, false);
+    return [...scene.to.getImageData((px + half) * scene.ratio, (py - half) * scene.ratio, 1, 1).data].join();
+  };
+  return [ink(gamms.look.sensors), ink(false)];
+})()"""
+"""What gives the color between streets beside an agent, as it is shown and without what sensors see."""
+
+
+def test_a_person_sees_how_far_the_agents_see_before_each_move(chromium):
+    team = {
+        "agents": [{"name": "rita", "node": 14}, {"name": "rob", "node": 8}],
+        "strategy": "human",
+        "sensors": ["eyes"],
+    }
+    match = MATCH.replace(**{"teams.red": team, "teams.blue.agents": [agent("bill", 17, "gamms.strategies:stay")]})
+    xy = {node: (10 * (node % 6), 10 * (node // 6)) for node in range(36)}
+
+    def near(*places):
+        return [node for node, at in xy.items() if any(math.dist(at, xy[place]) <= 15 for place in places)]
+
+    with web.serve(match, speed=None) as live:
+        page = chromium.open(live.players["red"])
+        asked(page, 0)
+        assert page.value(SIGHT) == {"nodes": near(14, 8), "seen": {"rita": ["rob"], "rob": ["rita"]}}
+        assert len(set(page.value(INSIDE))) == 2
+        page.click(*place_of(page, 15))
+        page.wait("gamms.player.question.agent === 'rob'")
+        page.wait("performance.now() - gamms.player.chosenAt > 400")
+        click_button(page, "Stay")
+        asked(page, 1)
+        assert page.value(SIGHT) == {"nodes": near(15, 8), "seen": {"rita": ["rob"], "rob": ["rita"]}}
+        page.click(*place_of(page, 16))
+        page.wait("gamms.player.question.agent === 'rob'")
+        page.wait("performance.now() - gamms.player.chosenAt > 400")
+        click_button(page, "Stay")
+        asked(page, 2)
+        assert page.value(SIGHT) == {"nodes": near(16, 8), "seen": {"rita": ["bill"], "rob": []}}
+        assert page.value("gamms.views[0].scene.discs.map((one) => one.name).sort()") == ["bill", "rita", "rob"]

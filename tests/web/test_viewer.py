@@ -190,6 +190,22 @@ def test_a_click_on_an_agent_says_what_it_knows(page):
     assert page.value("gamms.look.selected") is None
 
 
+def test_what_was_sensed_before_the_last_turn_is_not_shown_as_if_it_were_seen_now(page):
+    page.value("gamms.select('red_0')")
+    headings = "[...document.querySelectorAll('.panel h3')].map((one) => one.textContent)"
+    for turn, heading in ((79, "What its sensors tell it"), (80, "What its sensors told it in turn 80")):
+        page.value(f"gamms.seek({turn}), gamms.panel.renew(true)")
+        assert heading in page.value(headings)
+
+
+@pytest.mark.parametrize("options", [{}, {"sensors": True}, {"sensors": False}])
+def test_views_of_sensors_are_shown_as_in_pictures_unless_they_are_left_out(chromium, game, tmp_path, options):
+    with recorder.open(game) as recording:
+        recording.save(tmp_path / "game.html", **options)
+    chromium.open(tmp_path / "game.html")
+    assert chromium.value("gamms.look.sensors") is options.get("sensors", True)
+
+
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory):
     """A page of a drone that flies in its first turn, a walker by metres, and one that speaks to nobody in reach."""

@@ -83,7 +83,7 @@ def demo(
             played = ctx.game.run(progress=True)
         played.save(without_link(out / "result.json"))
         with recorder.open(recording) as whole:
-            whole.save(without_link(out / "game.html"), title=page["title"])
+            whole.save(without_link(out / "game.html"), title=page["title"], sensors=page["sensors"])
         pictures = save_pictures(ctx, out, **page)
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"

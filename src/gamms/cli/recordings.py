@@ -265,6 +265,9 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         bool | None, typer.Option("--labels/--no-labels", help="Names beside agents; by default while they are few.")
     ] = None,
     trails: Annotated[int, typer.Option(help="Of how many turns the ways of agents are shown.")] = 0,
+    sensors: Annotated[
+        bool, typer.Option("--sensors/--no-sensors", help="What sensors see; in a page, if the recording has it.")
+    ] = True,
     map: Annotated[
         Path | None, typer.Option("--map", help="The map of a recording of version 2, .gamms.", metavar="FILE")
     ] = None,
@@ -292,6 +295,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             theme=theme,
             labels="auto" if labels is None else labels,
             trails=trails,
+            sensors=sensors,
         )
         shown = rendering.render(file, out, options, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif", ".html")

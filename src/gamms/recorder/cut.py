@@ -55,6 +55,8 @@ class KnowledgeFilter:
 
     Attributes:
         is_shown: whether the previous turn was returned.
+        looked: the sensor reports of the own agents after the returned turns, with its agent numbers: data of `SENSED`
+            events; empty if they are unknown.
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class KnowledgeFilter:
         self._happened: list[_Event] = []  # events of the present turn
         self._sighted: dict[str, Sighting] | None = None  # other agents seen in the present turn; None: no sensor data
         self.is_shown = False
+        self.looked: list[dict[str, Any]] = []
         self._all = DetachedState(deepcopy(keyframe))  # state after all added events
         self._look_around()
         self._first = self._restricted(keyframe)
@@ -112,19 +115,20 @@ class KnowledgeFilter:
         self._sighted = (self._sighted or {}) | self._sightings(looks)
         self._in_view = self._sighted.keys()
         shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
+        report = kinds.SENSED, sensed.renumbered(sensed.columns_of(looks), self._id_of)
         if looks and not self.is_shown:
-            yield from self._give(shown)
+            yield from self._give(shown, [report])
         else:  # agents of a later part of the turn
             self._happened.extend(shown)
-        self._happened.append((kinds.SENSED, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
+        self._happened.append(report)
 
-    def _give(self, shown: list[_Event]) -> Iterator[Log]:
-        """Yield the previous turn with events for the agents seen after it."""
+    def _give(self, shown: list[_Event], reports: Iterable[_Event] = ()) -> Iterator[Log]:
+        """Yield the previous turn with events for the agents seen after it; note the reports that show them."""
         self.is_shown = True
-        if self._waiting is None:
-            self._given(shown)
-        else:
-            yield self._given([*self._waiting, *shown])
+        given = self._given([*(self._waiting or ()), *shown])
+        self.looked = [data for report in reports for _, data in self._numbered(*report)]
+        if self._waiting is not None:
+            yield given
             self._known.apply([])  # counts the turn
             self._waiting = None
 
@@ -140,6 +144,7 @@ class KnowledgeFilter:
 
     def rest(self) -> Iterator[Log]:
         """Yield the last turn, which has no sensor data after it."""
+        self.looked = []
         if self._waiting is not None:
             yield self._given(self._waiting)
             self._known.apply([])

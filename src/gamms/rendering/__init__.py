@@ -62,6 +62,7 @@ class RenderOptions:
         trails: the number of turns for which paths of agents are shown.
         legend: whether colors and signs are explained beside the map.
         crop: whether a picture shows only the part of the map where the living agents are.
+        sensors: whether to show the views of sensors.
     """
 
     first: int | None = None
@@ -83,6 +84,7 @@ class RenderOptions:
     trails: int = 0
     legend: bool = True
     crop: bool = False
+    sensors: bool = True
 
 
 @names_keywords
@@ -167,6 +169,7 @@ def _save_page(recording: Recording, out: Path, options: RenderOptions) -> int:
         theme=options.theme,
         labels=options.labels,
         trails=options.trails,
+        sensors=options.sensors,
         turn=max((options.first or 1) - 1, 0),
         follow=options.follow,
         audience=options.fog,
@@ -233,6 +236,7 @@ class _Renderer:
             "theme": options.theme or ("dark" if options.fog else "light"),
             "labels": options.labels,
             "trails": options.trails,
+            "sensors": options.sensors,
         }
 
     def _play(self, last: int | None) -> None:

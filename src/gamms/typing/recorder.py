@@ -163,6 +163,9 @@ class PageOptions(TypedDict, total=False):
     """Whether the names of agents are shown beside them. Default: "auto", if there are few agents."""
     trails: int
     """The number of turns for which the paths of agents are shown, at most 200. Default: 0."""
+    sensors: bool
+    """Whether the views of sensors are shown, if the recording has them and few agents live. Default: True.
+    """
     turn: int
     """The turn after which the replay begins. Default: 0."""
     follow: str | None

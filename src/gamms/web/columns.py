@@ -94,7 +94,13 @@ def frame(value: Plain) -> bytes:
 
 
 def part_of(
-    first: int, turns: Sequence[Turn], step: float, *, is_whole: bool = False, rest: SensedTurn | None = None
+    first: int,
+    turns: Sequence[Turn],
+    step: float,
+    *,
+    is_whole: bool = False,
+    rest: SensedTurn | None = None,
+    is_early: bool = False,
 ) -> dict[str, Plain]:
     """Return turns as a part, a plain value.
 
@@ -104,6 +110,7 @@ def part_of(
         step: the unit of positions, map units.
         is_whole: whether the part contains all slots and facts, so that no earlier part is needed.
         rest: the sensor reports after the last turn, as far as known.
+        is_early: whether `rest` reports what was sensed before the last turn; only its fields of view are up to date.
     """
     names = list(dict.fromkeys(chain.from_iterable(turn.names for turn in turns)))
     row_of = {name: row for row, name in enumerate(names)}
@@ -127,7 +134,7 @@ def part_of(
     }
     sensed = [turn.sensed for turn in turns] + [rest]
     if any(one is not None for one in sensed):
-        body |= _sensed(sensed, row_of)
+        body |= _sensed(sensed, row_of) | {"is_early": is_early}
     return {
         "first": first,
         "step": step,

@@ -13,7 +13,7 @@ from html import escape
 from io import BytesIO
 from typing import Any, Unpack
 
-from gamms.arguments import as_int, as_recording
+from gamms.arguments import as_bool, as_int, as_recording
 from gamms.errors import BadValue
 from gamms.plain import Plain
 from gamms.recorder import Recording
@@ -35,7 +35,7 @@ _PART_MOVES = 1 << 14  # moves in a part, which the viewer reads in some millise
 # turns in a part
 _FEWEST_TURNS = 8
 _MOST_TURNS = 64
-_HEADER = ("format", "package", "seed", "created", "audience", "sides")
+_HEADER = ("format", "package", "seed", "created", "audience", "agents", "sides")
 
 
 @pages.register("gamms")
@@ -102,6 +102,7 @@ def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, An
         "theme": theme,
         "labels": options.get("labels", "auto"),
         "trails": trails,
+        "sensors": as_bool(options.get("sensors", True), "sensors"),
         "turn": turn,
         "follow": options.get("follow"),
         "audience": options.get("audience"),

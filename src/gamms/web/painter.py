@@ -129,6 +129,7 @@ class Painter:
         self._facts = AgentFacts(self._state)
         self._sights = KnowledgeTracker(self._ctx, self._step)
         self._looked: list[Mapping[str, Any]] = []  # the data of the last `SENSED` events
+        self._following: Sequence[Mapping[str, Any]] = ()  # the data of those that follow the last turn, if known
         self._turns: list[Turn] = []  # turns for the next part
         self._last: Turn | None = None
         list(self._changes())
@@ -166,6 +167,7 @@ class Painter:
         """Apply the log of a turn, and add the turn to the next part."""
         events = list(events_of(log))
         self._looked = [data for kind, data in events if kind == kinds.SENSED] or self._looked
+        self._following = ()
         has_sensed = any(kind == kinds.SENSED for kind, _ in events)
         sensed = self._sights.sensed(self._looked, self._state) if has_sensed else None
         self._state.apply(log)
@@ -181,17 +183,23 @@ class Painter:
         self._last = self._turn(ways, list(self._changes(events)), facts, list(self._captions(events)), sensed)
         self._turns.append(self._last)
 
+    def look_ahead(self, looked: Sequence[Mapping[str, Any]]) -> None:
+        """Take the sensor reports that follow the last turn: data of `SENSED` events; empty if they are unknown."""
+        self._following = looked
+
     def part(self, *, is_last: bool = True) -> bytes:
         """Encode the turns since the last call as a part; empty if there are none.
 
         Args:
-            is_last: whether to include the sensor reports after the last turn, as far as known.
+            is_last: whether to include the sensor reports after the last turn; if they are unknown, earlier ones.
         """
         if not self._turns:
             return b""
-        rest = self._sights.sensed(self._looked, self._state) if is_last and self._looked else None
+        looked = self._following or self._looked
+        rest = self._sights.sensed(looked, self._state) if is_last and looked else None
         first = self._at - len(self._turns) + 1
-        found = part_of(first, self._turns, self._step(), is_whole=self._is_whole, rest=rest)
+        is_early = not self._following
+        found = part_of(first, self._turns, self._step(), is_whole=self._is_whole, rest=rest, is_early=is_early)
         self._turns = []
         self._is_whole = False
         return frame(found)

@@ -11,7 +11,7 @@ keyframe, and the turns in between are counted as dropped. No connection has its
 
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from functools import partial
 from itertools import islice
@@ -70,6 +70,7 @@ class AudienceStream:
         if self._cut is not None:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
+            header |= {"agents": sorted(audience.agents)} if audience.agents else {}
         self._painter = Painter(header, state, turns)
         self._turns = turns  # that were written
         self._begun_at = turns
@@ -97,9 +98,10 @@ class AudienceStream:
             return
         cut = self._cut
         for given in cut.add(log, is_end=is_over):
-            self._add_turn(given)
+            self._add_turn(given, cut.looked)
         if not self._is_seen and (cut.is_shown or is_over):  # no turn contains what is seen before the first turn
             self._painter.restore(cut.keyframe(self._turns - self._begun_at))
+            self._painter.look_ahead(cut.looked)
             self._add_keyframe()
             self._is_seen = True
 
@@ -119,8 +121,10 @@ class AudienceStream:
             self._is_seen = False  # in case the game continues
         self.write()
 
-    def _add_turn(self, log: Log) -> None:
+    def _add_turn(self, log: Log, looked: Sequence[dict[str, Any]] = ()) -> None:
+        """Add a turn, and the sensor reports that follow it, if they are known."""
         self._painter.add(log)
+        self._painter.look_ahead(looked)
         self._turns += 1
         if (self._turns - self._begun_at) % _KEYFRAME_TURNS == 0 or self._since_keyframe > _KEYFRAME_BYTES:
             self._add_keyframe()

@@ -14,7 +14,7 @@ const COVERED = 0.4; // of the height, from where the panel covers the map on a 
 const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
 
-/** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
+/** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, sensors?: boolean, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
 /** @typedef {{replay: Replay, scene: Scene, canvas: HTMLCanvasElement, label: HTMLElement | null}} View */
 
 export class App {
@@ -25,7 +25,7 @@ export class App {
     /** @type {import("./scene.js").Look} */
     this.look = {
       theme: options.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
-      fog: options.audience ?? null, trails: options.trails ?? 0, labels: options.labels ?? "auto", sensors: false, messages: true, heat: null,
+      fog: options.audience ?? null, trails: options.trails ?? 0, labels: options.labels ?? "auto", sensors: options.sensors ?? true, messages: true, heat: null,
       selected: null, hovered: null,
     };
     this.position = 0; // turns, with the share of the one that is under way

@@ -6,6 +6,7 @@ import { MAIN, MAJOR, ORDINARY, PATH, SERVICE, World } from "./world.js";
 const GREEN = 1, WATER = 2, WATERWAY = 16, TRAM = 17;
 const WIDTHS_M = { [PATH]: 0.8, [SERVICE]: 1.4, [ORDINARY]: 2, [MAIN]: 3.2, [MAJOR]: 5.2 };
 const LINE_PX = 1.5;
+export const NODE = 0.077; // radius of a node where a map has no metres, in lengths of a typical edge
 const STEPS = 6; // tones of buildings
 const MARGIN = 0.5; // of the painted area around the view, in views
 
@@ -108,7 +109,7 @@ export class MapLayer {
   /** @param {CanvasRenderingContext2D} to @param {Theme} theme @param {number} scale */
   #paintNodes(to, theme, scale) {
     const { xy, unit, isMetric } = this.world;
-    const radius = Math.max((isMetric ? 0.033 : 0.077) * unit, (isMetric ? 0 : 1.5) / scale);
+    const radius = Math.max((isMetric ? 0.033 : NODE) * unit, (isMetric ? 0 : 1.5) / scale);
     to.fillStyle = theme.nodes;
     to.beginPath();
     for (let i = 0; i < xy.length; i += 2) {

@@ -15,7 +15,10 @@ const RING_PX = 5, WIDER_PX = 9, RING_ALPHA = 0.9, FADED = 0.55, FLYER = 1.8; //
  */
 export function paintMessages(to, scene, look, share) {
   const discs = new Map(scene.discs.map((disc) => [disc.name, disc]));
-  const isOwn = (/** @type {string | null} */ name) => look.fog === null || discs.get(name ?? "")?.side === look.fog;
+  const isOwn = (/** @type {string | null} */ name) => {
+    const agent = discs.get(name ?? "")?.way.agent;
+    return look.fog === null || (agent !== undefined && scene.replay.isOwn(agent, look.fog));
+  };
   for (const { sender, receiver, fate } of scene.replay.state.messages.slice(0, MOST)) {
     const from = discs.get(sender ?? ""), end = discs.get(receiver ?? ""), isHeard = fate <= OVERHEARD;
     if (fate === UNHEARD && from !== undefined && isOwn(sender)) ring(to, from, (from.way.agent.flies ? FLYER : 1) * from.radius + RING_PX + WIDER_PX * share, faded(from.color, RING_ALPHA - FADED * share));

@@ -111,7 +111,7 @@ export class Panel {
     const follow = element("button", { type: "button", class: "wanted", "aria-pressed": String(app.isFollowing), text: app.isFollowing ? "Following" : "Follow", on: { click: () => app.select(agent.name, !app.isFollowing) } });
     const back = element("button", { type: "button", class: "wanted", text: "All agents", on: { click: () => app.select(null) } });
     const { turn } = state, before = replay.before.get(agent.name), nameOf = (/** @type {number} */ row) => world.nodeIds[row];
-    const isHidden = app.look.fog !== null && agent.side !== app.look.fog; // of whom the team knows only where it is
+    const isHidden = app.look.fog !== null && !replay.isOwn(agent, app.look.fog); // of whom the team knows only where it is
     const facts = [["state", agent.alive ? null : "out of the game"], ["node", nameOf(agent.row)], ["street", agent.row < 0 ? undefined : streetAt(world, agent.row)], ["before", before === undefined || before.row === agent.row ? null : nameOf(before.row)],
       ["on an edge", agent.edge === null ? null : `${Math.round(agent.edge.share * 100)} % from ${nameOf(agent.edge.from)} to ${nameOf(agent.edge.to)}`],
       ["position", placeOf(agent)], ...replay.timeline.factsOf(agent.name, "", turn), ...(isHidden ? [] : factsOf(state, agent.name))];
@@ -138,7 +138,8 @@ export class Panel {
       const words = [...seen, look.words, look.nodes.length ? `${look.nodes.length} nodes` : null, look.edges.length ? `${look.edges.length} edges` : null];
       return [`${name} (${kind})`, words.filter(Boolean).join(", ") || "nothing"];
     });
-    return titled(sensed === null ? "Sensors" : "What its sensors tell it", rows);
+    const isEarly = [...looks.values()].some((look) => look.isEarly);
+    return titled(sensed === null ? "Sensors" : isEarly ? `What its sensors told it in turn ${state.turn}` : "What its sensors tell it", rows);
   }
 }
 

@@ -22,6 +22,7 @@ export class Replay {
     this.sights = new Sights(recording);
     /** @type {Map<Uint8Array, World>} */ this.worlds = new Map();
     this.isCut = recording.header.has("audience"); // what is not known is not in it
+    /** @type {Set<string> | null} */ this.own = recording.header.has("agents") ? new Set(recording.header.get("agents")) : null; // agents whose knowledge is in it, where they need not be a whole side
     this.repeats = recording.repeats; // that are known
     this.trailsKey = "";
     /** @type {Map<string, {turn: number, points: ArrayLike<number>}[]>} */ this.knownTrails = new Map();
@@ -83,11 +84,27 @@ export class Replay {
     return found;
   }
 
-  /** Return what a side sees now: rows of nodes, and names of agents. @param {string} side @returns {import("./sights.js").Sight} */
-  sight(side) {
-    const { agents } = this.state, known = this.sights.sight(side, this.state.turn);
-    const own = [...agents.values()].filter((agent) => this.isCut || agent.side === side).map((agent) => agent.name);
-    return { nodes: known?.nodes ?? new Set(), agents: new Set([...own, ...(known?.agents ?? [])]) };
+  /** Whether an agent belongs to an audience. @param {Agent} agent @param {string} audience a side, or the one of a game of which only a part is here */
+  isOwn(agent, audience) {
+    return this.own === null ? agent.side === audience : this.own.has(agent.name);
+  }
+
+  /** Return the sides of an audience. @param {string} audience @returns {string[]} */
+  sidesOf(audience) {
+    return this.own === null ? [audience] : [...new Set([...this.state.agents.values()].filter((agent) => this.isOwn(agent, audience)).map((agent) => agent.side))];
+  }
+
+  /** Return what an audience sees now: rows of nodes, and names of agents. @param {string} audience @returns {import("./sights.js").Sight} */
+  sight(audience) {
+    const known = this.sidesOf(audience).map((side) => this.sights.sight(side, this.state.turn));
+    const own = [...this.state.agents.values()].filter((agent) => this.isCut || agent.side === audience).map((agent) => agent.name);
+    return { nodes: new Set(known.flatMap((one) => [...(one?.nodes ?? [])])), agents: new Set([...own, ...known.flatMap((one) => [...(one?.agents ?? [])])]) };
+  }
+
+  /** Return for each node the turn in which an audience first saw it; -1: never. @param {string} audience @returns {Int32Array} */
+  firstSeen(audience) {
+    const [first, ...others] = this.sidesOf(audience).map((side) => this.sights.firstSeen(side, this.world.nodeIds.length));
+    return others.reduce((all, one) => all.map((turn, i) => (turn < 0 || (one[i] >= 0 && one[i] < turn) ? one[i] : turn)), first ?? new Int32Array(this.world.nodeIds.length).fill(-1));
   }
 
   /**

@@ -3,7 +3,7 @@ import { Camera } from "./camera.js";
 import { commandsOf, paintCommands, pointsOf, signBoxes } from "./draw_commands.js";
 import { knotsOf, placeOf } from "./labels.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
-import { MapLayer } from "./map_layer.js";
+import { MapLayer, NODE } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
 import { paintMessages } from "./messages.js";
@@ -183,7 +183,7 @@ export class Scene {
     const { camera, replay, world } = this;
     to.fillStyle = faded(theme.background, 0.72);
     to.fillRect(0, 0, camera.width, camera.height);
-    const since = replay.sights.firstSeen(look.fog, world.nodeIds.length);
+    const since = replay.firstSeen(look.fog);
     const shadeOf = (/** @type {number} */ row) => (sight.nodes.has(row) ? 2 : since[row] >= 0 && since[row] <= replay.state.turn ? 1 : 0);
     const paths = [null, new Path2D(), new Path2D()];
     for (const edge of world.streets) {
@@ -196,6 +196,13 @@ export class Scene {
       to.lineWidth = Math.max(world.isMetric ? 2 * camera.scale * Math.min(1, 0.1 * world.unit) : 1.5, 1.2);
       to.lineCap = "round";
       to.stroke(/** @type {Path2D} */ (paths[shade]));
+    });
+    if (world.isMetric) return;
+    Array.from(world.nodeIds, (_, row) => row).filter((row) => shadeOf(row)).forEach((row) => {
+      to.fillStyle = theme.fog[shadeOf(row)];
+      to.beginPath();
+      to.arc(...camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]), Math.max(NODE * world.unit * camera.scale, 1.5), 0, 2 * Math.PI);
+      to.fill();
     });
   }
 
@@ -254,7 +261,7 @@ export class Scene {
   /** Return how commands of a drawing are moved that belong to agents. @param {Map<string, any>} drawing @param {Look} look @returns {import("./draw_commands.js").Shift} */
   #shiftOf(drawing, look) {
     return (agent, sides, x, y) => {
-      if (look.fog !== null && ((sides && !sides.includes(look.fog)) || this.#isHidden(agent))) return null;
+      if (look.fog !== null && ((sides && !this.replay.sidesOf(look.fog).some((side) => sides.includes(side))) || this.#isHidden(agent))) return null;
       const disc = agent && drawing.get("follows") ? this.discOf(agent) : undefined;
       if (disc === undefined) return [0, 0];
       const [px, py] = this.camera.toScreen(x, y);
@@ -317,14 +324,14 @@ export class Scene {
   #paintSights(look, colors) {
     const { replay, to, camera, world } = this;
     if (replay.sensed === null) return;
-    const living = this.discs.filter((disc) => disc.way.agent.alive && (look.fog === null || disc.side === look.fog));
+    const living = this.discs.filter((disc) => disc.way.agent.alive && (look.fog === null || replay.isOwn(disc.way.agent, look.fog)));
     const chosen = living.filter((disc) => disc.name === look.selected || disc.name === look.hovered);
     const shown = chosen.length ? chosen : look.sensors && living.length <= MOST_SIGHTS ? living : [];
     for (const disc of shown) {
       const color = colors.get(disc.side) ?? "#888888";
       for (const seen of replay.sensed.get(disc.name) ?? []) {
         if (seen.shape !== null) this.#paintShape(disc, seen.shape, color);
-        if (seen.nodes.length > 0.9 * world.nodeIds.length) continue;
+        if (seen.isEarly || seen.nodes.length > 0.9 * world.nodeIds.length) continue;
         to.fillStyle = to.strokeStyle = faded(color, SEEN_ALPHA);
         if (seen.agents.length === 0) this.#paintNodes(seen.nodes);
         to.lineWidth = Math.max(3, 0.2 * world.unit * camera.scale);

@@ -4,7 +4,7 @@ import { interleaved } from "./values.js";
 
 /** @typedef {import("./recording.js").Part} Part */
 /** @typedef {{isCarried: boolean, isBlocked: boolean, points: Float64Array}} Shape corners x, y, x, y, … seen from the agent that carries it, or on the map; obstacles may hide what is inside */
-/** @typedef {{sensor: string, kind: string, shape: Shape | null, nodes: ArrayLike<number>, edges: ArrayLike<number>, agents: {name: string, row: number}[], words: string | null}} Look rows of nodes and edges; the row of an agent is -1 where it is on its node */
+/** @typedef {{sensor: string, kind: string, shape: Shape | null, nodes: ArrayLike<number>, edges: ArrayLike<number>, agents: {name: string, row: number}[], words: string | null, isEarly: boolean}} Look rows of nodes and edges; the row of an agent is -1 where it is on its node; `isEarly`: sensed before the turn */
 /** @typedef {{nodes: Set<number>, agents: Set<string>}} Sight rows of nodes, and names of agents of others */
 /** @typedef {{part: Part, entry: number}} Moment where what is sensed at a moment is in a part */
 
@@ -72,12 +72,13 @@ export class Sights {
     const [agents, sensors, shapes, ...sizes] = [0, 1, 2, 3, 4, 5].map(column), ends = sizes.map(endsOf);
     const [first, last] = [0, 1].map((more) => columns.get("looked").subarray(0, entry + more).reduce((/** @type {number} */ sum, /** @type {number} */ one) => sum + Math.max(one, 0), 0));
     const seen = columns.get("seen_agents"), half = seen.length / 2, found = new Map();
+    const isEarly = columns.get("is_early") && entry === columns.get("looked").length - 1;
     for (let i = first; i < last; i++) {
       const [sensor, kind] = columns.get("sensors")[sensors[i]], name = part.agents[agents[i]];
       const look = {
         sensor, kind, shape: shapes[i] < 0 ? null : shapeOf(columns.get("shapes")[shapes[i]], part.step),
         nodes: columns.get("seen_nodes").subarray(ends[0][i], ends[0][i + 1]), edges: columns.get("seen_edges").subarray(ends[1][i], ends[1][i + 1]),
-        agents: Array.from({ length: sizes[2][i] }, (_, k) => ({ name: part.agents[seen[ends[2][i] + k]], row: seen[half + ends[2][i] + k] })), words: columns.get("words").get(i) ?? null,
+        agents: Array.from({ length: sizes[2][i] }, (_, k) => ({ name: part.agents[seen[ends[2][i] + k]], row: seen[half + ends[2][i] + k] })), words: columns.get("words").get(i) ?? null, isEarly,
       };
       found.set(name, [...(found.get(name) ?? []), look]);
     }
