@@ -21,10 +21,10 @@ _RING_PX = 11.0
 _INK = 200
 _FAINT = 90
 # of the ring around the sender of a message that nobody hears: its radius, how it grows over the turn, and its alpha
-_UNHEARD_PX = 13.0
-_WIDER_PX = 9.0
+_UNHEARD_PX = 10.0
+_WIDER_PX = 6.0
 _UNHEARD_INK = 230
-_FADED = 140
+_FADED = 160
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
 _HEIGHT = 0.12  # of an arc, in lengths of the way
 

@@ -5,7 +5,7 @@ const HEIGHT = 0.12; // of an arc, in lengths of the way
 const MOST = 2000;
 const HEARD = 0, OVERHEARD = 1, UNHEARD = 3; // fates
 const ALPHAS = [0.8, 0.45];
-const RING_PX = 5, WIDER_PX = 9, RING_ALPHA = 0.9, FADED = 0.55, FLYER = 1.8; // of the ring around a sender: beyond its disc or the ring of a flyer, growing over the turn as it fades
+const RING_PX = 4, WIDER_PX = 6, RING_ALPHA = 0.9, FADED = 0.6, FLYER = 1.8; // of the ring around a sender: beyond its disc or the ring of a flyer, growing over the turn as it fades
 
 /** @typedef {import("./scene.js").Scene} Scene */
 
