@@ -2,11 +2,18 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
+from gamms.ir.draw import DrawSpace
+from gamms.ir.packing import Decoder
+from gamms.ir.scenery import ground_of
+from gamms.limits import MemoryBudget
 from gamms.strategies import stay
 from gamms.visual.constants import Layer
 from gamms.visual.themes import THEMES
+from gamms.web.columns import drawn_map
 
 
 @pytest.fixture
@@ -31,14 +38,33 @@ def test_buildings_are_drawn_and_hide_nothing(helsinki):
     assert helsinki.graph.visible([*low, 1.0], [[*high, 1.0]]).all()
 
 
-def test_water_ends_where_the_sheet_of_the_map_ends(helsinki):
-    commands = helsinki.visual.draw_commands()
-    rows = np.flatnonzero(commands.layer == Layer.BASE_MAP)
-    shapes = [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows]
-    sheet = shapes[0]
-    assert len(sheet) == 4
-    assert all((sheet.min(axis=0) <= shape.min(axis=0)).all() for shape in shapes)
-    assert all((shape.max(axis=0) <= sheet.max(axis=0)).all() for shape in shapes)
+@pytest.mark.parametrize("buildings", ["drawn", True])
+def test_all_of_a_map_is_on_its_ground_in_pictures_and_in_pages(buildings):
+    with gamms.create_context(seed=1) as ctx:
+        gamms.osm.helsinki(ctx, **({} if buildings == "drawn" else {"buildings": buildings}))
+        commands = ctx.visual.draw_commands()
+        first = int(np.flatnonzero(commands.layer == Layer.BASE_MAP)[0])
+        ground = commands.points[commands.offsets[first] : commands.offsets[first + 1]]
+        packed, _ = ctx.graph.storage.pack_savable()
+    assert len(ground) == 4
+    of_map = commands.points[np.repeat(commands.space == DrawSpace.WORLD, np.diff(commands.offsets))]
+    margin = 0.005 * np.ptp(ground, axis=0).max()
+    assert (ground.min(axis=0) + margin < of_map[len(ground) :].min(axis=0)).all()
+    assert (of_map[len(ground) :].max(axis=0) < ground.max(axis=0) - margin).all()
+    shown = Decoder(MemoryBudget(1 << 30, "A map")).value(drawn_map(packed))
+    box = shown["base_map"]["ground"] * shown["step"]
+    assert np.allclose(box.T, [ground.min(axis=0), ground.max(axis=0)], atol=0.1)
+
+
+@given(st.lists(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), max_size=4), min_size=1, max_size=4))
+def test_the_ground_of_a_map_holds_its_shapes_and_all_else_with_a_margin(parts):
+    shapes, *others = [np.array(part, np.float64).reshape(-1, 2) for part in parts]
+    ground = ground_of(shapes, *others)
+    assert len(ground) == (2 if len(shapes) else 0)
+    for points in (shapes, *others) if len(shapes) else ():
+        assert ((ground[0] <= points) & (points <= ground[1])).all()
+    if len(shapes) and np.ptp(np.concatenate([shapes, *others]), axis=0).max() > 1.0:
+        assert (ground[0] < shapes.min(axis=0)).all()
 
 
 @pytest.mark.parametrize("theme", ["light", "dark", "print"])

@@ -13,6 +13,7 @@ from gamms.ir.draw import FARTHEST
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 
+_GROUND_MARGIN = 0.01  # of the longer side of the map
 MOST_POINTS = 1 << 20  # of shapes and of walls, to limit the drawing of untrusted files
 
 
@@ -62,6 +63,22 @@ class Scenery:
     def are_areas(self) -> BoolArray:
         """Return a mask (shapes,) of the shapes that are areas."""
         return self.kinds < SceneryKind.WATERWAY
+
+
+def ground_of(shapes: FloatArray, *others: FloatArray) -> FloatArray:
+    """Return the lower left and the upper right corner (2, 2) of the ground of a map; empty, (0, 2), without shapes.
+
+    Args:
+        shapes: (points, 2) the points of areas and lines.
+        others: (points, 2) each: points of streets and walls, which are on the ground, too.
+    """
+    if len(shapes) == 0:
+        return np.zeros((0, 2))
+    drawn = [points for points in (shapes, *others) if len(points)]
+    low = np.min([points.min(axis=0) for points in drawn], axis=0)
+    high = np.max([points.max(axis=0) for points in drawn], axis=0)
+    margin = _GROUND_MARGIN * float((high - low).max())
+    return np.stack([low - margin, high + margin])
 
 
 def no_scenery() -> Scenery:

@@ -14,6 +14,7 @@ from gamms.graph.map_file import MAGIC as MAP_MAGIC
 from gamms.graph.map_file import VERSION, base_map_of, scenery_called, unframed
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import to_bytes
+from gamms.ir.scenery import ground_of
 from gamms.plain import Plain
 from gamms.web.knowledge import SensedTurn
 
@@ -303,6 +304,9 @@ def drawn_map(
     ):
         to = drawn if of is state else drawn["base_map"]
         to[name] = in_steps(of[name].reshape(-1, width), step)
+    walls = (state if len(state["face_ids"]) else base)["face_corners"].reshape(-1, 3)[:, :2]
+    ground = ground_of(base["points"].reshape(-1, 2), state["xy"], state["bend_points"].reshape(-1, 2), walls)
+    drawn["base_map"]["ground"] = in_steps(ground, step)
     if attributes is not None:
         drawn |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
     if lat_lon is not None:

@@ -9,7 +9,7 @@ from gamms import kernels
 from gamms.ir.geometry import are_within, seamed
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
-from gamms.ir.scenery import SceneryKind
+from gamms.ir.scenery import SceneryKind, ground_of
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
 from gamms.visual.drawers.streets import lengths_along, median, part_of, polylines
@@ -246,13 +246,15 @@ _LINES_M = {SceneryKind.WATERWAY: 2.0, SceneryKind.TRAM: 0.5, SceneryKind.RAIL: 
 
 
 def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG001 - of every drawer
-    """Draw the areas and lines of the scenery on the rectangle of the map: parks, water, then rails."""
+    """Draw the areas and lines of the scenery on the ground of the map: parks, water, then rails."""
+    columns = ctx.graph.columns()
     scenery = ctx.graph.scenery_columns()
     visual = drawing_of(ctx)
     tones = visual.theme.map.ground
-    if len(scenery.points):
-        left, low = scenery.points.min(axis=0).tolist()
-        right, high = scenery.points.max(axis=0).tolist()
+    walls = obstacles_to_draw(ctx).corners.reshape(-1, 3)[:, :2]
+    ground = ground_of(scenery.points, columns.xy, *columns.polylines.values(), walls)
+    if len(ground):
+        (left, low), (right, high) = ground.tolist()
         visual.render_polygon([(left, low), (right, low), (right, high), (left, high)], tones.land)
     colors = {
         SceneryKind.GREEN: tones.green,

@@ -156,11 +156,8 @@ export class MapLayer {
 
   #shapes() {
     const found = { land: new Path2D(), green: new Path2D(), water: new Path2D(), waterway: new Path2D(), rails: new Path2D() };
-    const [xs, ys] = [0, 1].map((axis) => this.world.shapes.flatMap(({ points }) => Array.from(points).filter((_, i) => i % 2 === axis)));
-    if (xs.length) {
-      const [left, right] = extremes(xs), [low, high] = extremes(ys);
-      this.#add(found.land, [left, low, right, low, right, high, left, high], true);
-    }
+    const [left, low, right, high] = this.world.ground;
+    if (right !== undefined) this.#add(found.land, [left, low, right, low, right, high, left, high], true);
     for (const { kind, points } of this.world.shapes) {
       const path = kind === GREEN ? found.green : kind === WATER ? found.water : kind === WATERWAY ? found.waterway : found.rails;
       if (kind === GREEN || kind === WATER || (kind >= WATERWAY && kind <= TRAM + 1)) this.#add(path, points, kind < WATERWAY);
@@ -181,9 +178,4 @@ export class MapLayer {
     for (let i = 2; i < points.length; i += 2) path.lineTo(points[i] - x, points[i + 1] - y);
     if (isClosed) path.closePath();
   }
-}
-
-/** Return the least and the greatest of numbers. @param {number[]} numbers @returns {[number, number]} */
-function extremes(numbers) {
-  return numbers.reduce(([low, high], one) => [Math.min(low, one), Math.max(high, one)], /** @type {[number, number]} */ ([Infinity, -Infinity]));
 }

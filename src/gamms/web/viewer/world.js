@@ -33,6 +33,7 @@ export class World {
     const from = state.get("face_corners").length ? state : base;
     this.buildings = footprints(placesOf(from, "face_corners", 3), from.get("face_types") ?? []);
     this.shapes = shapesOf(base, placesOf(base, "points"));
+    /** @type {Float64Array} */ this.ground = placesOf(base, "ground"); // x, y of its lower left and upper right corner, or none
     this.#check();
     this.isMetric = this.crs !== null && this.crs !== "EPSG:4326" && this.crs !== "OGC:CRS84";
     this.streets = this.#oneWayEach();
