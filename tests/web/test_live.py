@@ -141,6 +141,24 @@ def test_only_the_admin_link_steps_and_pauses(join):
         assert live.streams.turns == 1
 
 
+def test_all_are_told_how_many_others_watch_as_they_come_and_go_at_most_once_a_second(join):
+    with web.serve(HUNT, is_paused=True) as live:
+        links = [live.links[name] for name in ("everything", "admin", "red")]
+        begun = time.monotonic()
+        clients = [join(link) for link in (*links, *[live.url] * 5)]
+
+        def watching(client):
+            return [one["watching"] for one in client.told if one["type"] == "status"]
+
+        for client in clients:
+            client.read(lambda client: watching(client)[-1:] == [7])
+        clients.pop().socket.close()
+        for client in clients:
+            client.read(lambda client: watching(client)[-1:] == [6])
+        seconds = time.monotonic() - begun
+        assert max(len(watching(client)) for client in clients) <= 2 + seconds  # one of them when it joined
+
+
 def test_who_comes_late_begins_with_a_keyframe(join):
     with web.serve(HUNT, is_paused=True) as live:
         admin = join(live.links["admin"])

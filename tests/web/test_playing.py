@@ -93,6 +93,27 @@ def test_two_people_play_one_leaves_and_returns_and_the_recording_has_it(join, t
         assert recording[3].agents["node"].tolist() == [2, 3]
 
 
+def test_two_on_one_link_are_told_of_each_other(join):
+    with web.serve(DUEL, speed=None) as live:
+        first = join(live.players["rita"])
+        other = join(live.players["bob"])
+
+        def pages(client):
+            return [one["pages"] for one in client.told if one["type"] == "questions"][-1:]
+
+        first.read(lambda client: pages(client) == [1])
+        second = join(live.players["rita"])
+        for client in (first, second):
+            client.read(lambda client: pages(client) == [2])
+        first.go(0, 1)
+        assert "the first choice counts" in second.refused(question=second.question(0)["question"], move=0)
+        second.socket.close()
+        first.read(lambda client: pages(client) == [1])
+        other.go(0, 4)
+        other.question(1)
+        assert pages(other) == [1]
+
+
 def test_a_hostile_player_can_neither_choose_for_another_nor_twice_nor_late(join):
     with web.serve(DUEL, speed=None) as live:
         red, blue = join(live.players["rita"]), join(live.players["bob"])

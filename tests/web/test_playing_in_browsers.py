@@ -231,3 +231,21 @@ def test_a_person_sees_how_far_the_agents_see_before_each_move(chromium):
         asked(page, 2)
         assert page.value(SIGHT) == {"nodes": near(16, 8), "seen": {"rita": ["bill"], "rob": []}}
         assert page.value("gamms.views[0].scene.discs.map((one) => one.name).sort()") == ["bill", "rita", "rob"]
+
+
+def test_pages_say_how_many_others_watch_and_that_a_link_is_open_twice(pages):
+    first, second = pages
+    words = "document.querySelector('.live .words').textContent"
+    with web.serve(MATCH, speed=None) as live:
+        first.open(live.players["rita"])
+        asked(first, 0)
+        first.wait(f"{words} === 'nobody else watching'")
+        assert "pages" not in first.value("document.querySelector('.ask').textContent")
+        second.open(live.players["rita"])
+        for page in pages:
+            asked(page, 0)
+            page.wait(f"{words} === '1 other watching'")
+            page.wait("document.querySelector('.ask').textContent.includes('This link is open on 2 pages')")
+        second.call("Page.navigate", url="about:blank")
+        first.wait(f"{words} === 'nobody else watching'")
+        first.wait("!document.querySelector('.ask').textContent.includes('2 pages')")

@@ -8,6 +8,7 @@ To extend it: add functions to `Live.handlers`, by the `type` of the client mess
 `Live.streams` and `Live.connections`. Handlers run in the server thread.
 """
 
+import asyncio
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -35,6 +36,7 @@ from gamms.workers import SIGNALS_S
 
 Handler = Callable[[Connection, Json], None]
 _CLOSE_S = 10.0
+_COUNT_S = 1.0  # between two messages to all about how many watch: for each who comes, they would be quadratic
 _FILES_S = 0.5  # between two checks for changed files
 _FASTEST = 1000.0  # turns a second
 _LARGEST = 1e300  # JSON and YAML allow integers that do not fit a float
@@ -149,6 +151,33 @@ class TurnPacing(PartOfServer):
             self._changed.notify_all()
 
 
+class Throttle:
+    """Calls a function soon after each request, at most once in a period; used in the server thread.
+
+    Args:
+        call: the function.
+        period_s: the shortest time between two calls, seconds.
+    """
+
+    def __init__(self, call: Callable[[], object], period_s: float) -> None:
+        self._call = call
+        self._period_s = period_s
+        self._next_at = 0.0
+        self._is_scheduled = False
+
+    def request(self) -> None:
+        """Schedule a call, unless one is scheduled."""
+        if not self._is_scheduled:
+            self._is_scheduled = True
+            loop = asyncio.get_running_loop()
+            loop.call_later(max(self._next_at - loop.time(), 0.0), self._run, loop)
+
+    def _run(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._is_scheduled = False
+        self._next_at = loop.time() + self._period_s
+        self._call()
+
+
 class Host(Protocol):
     """The server of a game: a `Server`, or a part of a shared server."""
 
@@ -207,6 +236,7 @@ class Live(Handle):
         }
         self.when_joined: list[Callable[[Connection], None]] = [self._tell_status]
         self.when_failed: list[Callable[[BaseException], object]] = []
+        self._count = Throttle(self._tell_all, _COUNT_S)
         self._players = Players(self)
         self._options = options
         self._seed = options.get("seed")
@@ -429,14 +459,15 @@ class Live(Handle):
         """Call the functions in `when_joined` (called by the server)."""
         for hear in self.when_joined:
             hear(connection)
-        self._tell_controllers()
+        self._count.request()
 
     def left(self, connection: Connection) -> None:
         """End the stream of the connection's audience if no other connection reads it (called by the server)."""
         audience = connection.grant.audience
         if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
             self.streams.drop(audience)
-        self._tell_controllers()
+        self._players.left(connection)
+        self._count.request()
 
     def received(self, connection: Connection, message: Json) -> None:
         """Pass a client message to its handler (called by the server)."""
@@ -453,12 +484,6 @@ class Live(Handle):
         if connection.counts["dropped"] != before:
             self._tell_status(connection)
 
-    def _tell_controllers(self) -> None:
-        """Send the number of spectators to the clients that may control, because for all it would be quadratic."""
-        for connection in self.connections:
-            if connection.grant.may_control:
-                self._tell_status(connection)
-
     def _tell_all(self) -> None:
         for connection in self.connections:
             self._tell_status(connection)
@@ -471,7 +496,7 @@ class Live(Handle):
             "speed": self.pace.speed,
             "over": self._is_over.is_set(),
             "control": connection.grant.may_control,
-            "watching": len(self.connections),
+            "watching": len(self.connections) - 1,  # besides this client
             "dropped": connection.counts["dropped"],
             "error": self._trouble if self._error is None else "the game has failed",
         }
@@ -575,7 +600,21 @@ class Players:
     def _joined(self, connection: Connection) -> None:
         if self._people is not None and connection.grant.may_play:
             self._people.come(connection.grant.name)
-            self._tell(connection, self._people)
+            self._tell_sharers(connection.grant)
+
+    def left(self, connection: Connection) -> None:
+        """Tell the other pages of a person that one is closed."""
+        if connection.grant.may_play:
+            self._tell_sharers(connection.grant)
+
+    def _sharers(self, grant: Grant) -> list[Connection]:
+        """Return the open pages of a link."""
+        return [one for one in self._live.connections if one.grant == grant]
+
+    def _tell_sharers(self, grant: Grant) -> None:
+        for connection in self._sharers(grant):
+            if self._people is not None:
+                self._tell(connection, self._people)
 
     def _choose(self, connection: Connection, message: Json) -> None:
         if self._people is None or not connection.grant.may_play:
@@ -593,6 +632,7 @@ class Players:
             "type": "questions",
             "questions": people.asked(connection.grant.name),
             "waiting": people.is_waiting,
+            "pages": len(self._sharers(connection.grant)),
         }
         connection.tell(asked)
 

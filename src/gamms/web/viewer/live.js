@@ -208,5 +208,6 @@ function slider({ path, input }) {
 function wordsOfStatus(status) {
   if (status === null) return "";
   const state = status.error ?? (status.over ? "over" : status.paused ? "paused" : "");
-  return [state, `${status.watching} watching`, status.dropped ? `${status.dropped} turns skipped` : ""].filter(Boolean).join(" · ");
+  const watching = status.watching === 0 ? "nobody else watching" : `${status.watching} ${status.watching === 1 ? "other" : "others"} watching`;
+  return [state, watching, status.dropped ? `${status.dropped} turns skipped` : ""].filter(Boolean).join(" · ");
 }

@@ -39,12 +39,13 @@ export class Player {
     this.clock = element("span", { class: "clock", "aria-hidden": "true" });
     this.gauge = element("div", { class: "gauge", "aria-hidden": "true" });
     this.words = element("p", { class: "words", role: "status", "aria-live": "polite" });
+    this.shared = element("p", { class: "words faint", role: "status" }); // said where the link is open on several pages
     this.moves = element("div", { class: "moves", role: "group", "aria-label": "Moves" });
     this.deeds = element("div", { class: "deeds" });
     this.inbox = element("ul", { class: "inbox", "aria-label": "Messages that came" });
     this.outbox = element("div", { class: "outbox" });
     this.element = element("section", { class: "ask card", "aria-label": "Your move", hidden: true },
-      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.inbox, this.words, this.moves, this.deeds, this.outbox);
+      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.inbox, this.words, this.moves, this.deeds, this.outbox, this.shared);
     app.root.append(this.element);
     for (const { scene } of app.views) scene.overlay = (shown) => this.#paint(shown);
     setInterval(() => this.#tick(), 200);
@@ -55,8 +56,9 @@ export class Player {
     return this.questions.find((one) => one.question === this.number && !one.is_chosen);
   }
 
-  /** Take what the server asks. @param {{questions: Question[], waiting: boolean}} message */
+  /** Take what the server asks. @param {{questions: Question[], waiting: boolean, pages: number}} message */
   hear(message) {
+    this.shared.textContent = message.pages > 1 ? `This link is open on ${message.pages} pages; the first choice counts.` : "";
     const now = performance.now();
     for (const one of message.questions) {
       this.ends.set(one.question, now + 1000 * one.left_s);
