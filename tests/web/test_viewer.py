@@ -72,6 +72,13 @@ def test_keys_step_play_and_zoom(page, game):
     assert page.value("gamms.views[0].scene.camera.scale") > scale
     page.key("0")
     assert page.value("gamms.views[0].scene.camera.scale") == pytest.approx(scale)
+    for keys, turn in ((("Home", ".", ".", ","), 1), (("End", ","), 79), (("Home",), 0)):
+        for key in keys:
+            page.key(key)
+        assert page.value("gamms.turn") == turn
+    for key, is_hidden in (("?", False), ("F1", True)):
+        page.key(key)
+        assert page.value("document.querySelector('#keys').hidden") is is_hidden
 
 
 SPACE = {"code": "Space", "windowsVirtualKeyCode": 32}
@@ -138,6 +145,35 @@ def test_the_wheel_scrolls_the_page_around_a_frame_unless_ctrl_is_held(chromium,
     assert page.value(scale) < 1.5 * before, "a notch of the wheel zooms as far as on a page of its own"
     assert page.value("scrollY") == 0
     assert "ctrl + wheel" in page.value("frames[0].document.getElementById('keys').textContent")
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844)])
+def test_the_panel_stands_beside_the_map_and_what_is_selected_stays_in_view(chromium, walk, size):
+    page = chromium.open(walk, *size)
+    discs = (
+        "gamms.views.flatMap(({scene, canvas}) => scene.discs.map(({name, px, py}) => "
+        "[name, px + canvas.getBoundingClientRect().left, py + canvas.getBoundingClientRect().top]))"
+    )
+    panel = "document.querySelector('.panel').getBoundingClientRect()"
+    box = f"(({{left, top, right, bottom}}) => [left, top, right, bottom])({panel})"
+    whole = page.value(discs)
+    page.value("gamms.panel.open()")
+    page.settle()
+    left, top, right, bottom = page.value(box)
+    for name, x, y in page.value(discs):
+        assert not (left - 6 < x < right + 6 and top - 6 < y < bottom + 6), name
+    page.value("gamms.panel.close()")
+    page.settle()
+    assert page.value(discs) == whole
+    page.value("gamms.moveCamera((camera) => camera.zoom(3, 0, 0))")
+    page.settle()
+    name, x, y = max(page.value(discs), key=lambda disc: -abs(disc[1] - size[0] / 2) - abs(disc[2] - size[1] / 2))
+    page.click(x, y)
+    page.settle()
+    [(x, y)] = [(x, y) for other, x, y in page.value(discs) if other == name]
+    left, top, right, bottom = page.value(box)
+    assert (0 < x < size[0], 0 < y < size[1]) == (True, True)
+    assert not (left < x < right and top < y < bottom)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (700, 600), (390, 844)])

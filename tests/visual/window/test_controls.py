@@ -102,6 +102,19 @@ def test_keys_hide_the_words_and_show_help_names_and_trails(ctx, person):
     assert (overlay.labels, overlay.trails) == (False, 0)
 
 
+@pytest.mark.parametrize("key", ["HOME", "0", "KP0"])
+def test_a_key_shows_everything_again(ctx, person, key):
+    ctx.visual.see_everything()
+    whole = camera(ctx)
+    person.press("d")
+    ctx.visual.handle_input()
+    ctx.visual.input.glide(0.5)
+    assert camera(ctx) != whole
+    person.press(key)
+    ctx.visual.handle_input()
+    assert camera(ctx) == whole
+
+
 def test_a_pointer_that_leaves_does_not_stop_the_keys(ctx, person):
     person.press("d")
     person.point(5, 5)

@@ -93,6 +93,13 @@ def test_a_comma_goes_back_a_turn_and_stands_still(ctx, recording, person):
     assert seen[-1][0] == TURNS
 
 
+def test_home_and_end_go_to_the_first_and_the_last_turn_as_in_pages(ctx, recording, person):
+    acts = {2: lambda: person.press("END"), 5: lambda: person.press("HOME"), 8: lambda: person.press("SPACE")}
+    seen = play(ctx, recording, acts)
+    assert [turn for turn, *_ in seen[:9]] == [1, 2, 3, TURNS, TURNS, TURNS, 0, 0, 0]
+    assert [turn for turn, *_ in seen[-TURNS:]] == list(range(1, TURNS + 1))
+
+
 def test_the_button_beside_the_line_stands_still_and_goes_on(ctx, recording, person):
     def click():
         left, top, _ = ctx.visual.overlay.timeline._bar

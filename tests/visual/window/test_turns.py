@@ -60,13 +60,16 @@ def test_there_are_no_more_frames_per_second_than_allowed(open_window, max_fps):
     assert monotonic() - began >= 10 / max_fps
 
 
-def test_speed_changes_how_many_frames_a_turn_takes(play, person):
+@pytest.mark.parametrize(
+    ("faster", "slower"), [(["PLUS", "EQUALS"], ["MINUS"]), (["RIGHTBRACKET"] * 2, ["LEFTBRACKET"])]
+)
+def test_speed_changes_how_many_frames_a_turn_takes(play, person, faster, slower):
     ctx = play()
-    person.press("PLUS", "EQUALS")  # four times as fast
+    person.press(*faster)  # four times as fast
     ctx.visual.simulate()
     assert [share for share, _ in ctx.places] == [0.0, 1.0]
     ctx.places.clear()
-    person.press("MINUS", "MINUS", "MINUS")  # half as fast
+    person.press(*slower * 3)  # half as fast
     ctx.visual.simulate()
     assert len(ctx.places) == 9
 

@@ -156,11 +156,15 @@ class WindowEngine(WindowNames, PictureEngine):
             "SPACE": pace.pause,
             **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
             "COMMA": self.step_back,
+            "HOME": self.go_to_start,
+            "END": self.go_to_end,
+            "LEFTBRACKET": lambda: pace.faster(-1),
+            "RIGHTBRACKET": lambda: pace.faster(1),
             **dict.fromkeys(("PLUS", "EQUALS", "KP_PLUS"), lambda: pace.faster(1)),
             **dict.fromkeys(("MINUS", "KP_MINUS"), lambda: pace.faster(-1)),
-            "HOME": self.see_everything,
+            **dict.fromkeys(("0", "KP0"), self.see_everything),
             "h": overlay.hud.toggle,
-            "F1": overlay.hud.toggle_help,
+            **dict.fromkeys(("F1", "QUESTION"), overlay.hud.toggle_help),
             "l": overlay.toggle_labels,
             "t": overlay.toggle_trails,
             "n": self.toggle_theme,
@@ -417,6 +421,22 @@ class WindowEngine(WindowNames, PictureEngine):
         if self.playback is not None and self.playback.can_seek:
             self.pace.is_paused = True
             self._wanted = max(self.overlay.turns - 1, 0)
+
+    @refused_while_deciding
+    def go_to_start(self) -> None:
+        """Jump to the start of the recording, and pause; in a game that is played, show the whole graph."""
+        if self.playback is None:
+            self.see_everything()
+        elif self.playback.can_seek:
+            self.pace.is_paused = True
+            self._wanted = 0
+
+    @refused_while_deciding
+    def go_to_end(self) -> None:
+        """Jump to the last turn of the recording, and pause."""
+        if self.playback is not None and self.playback.can_seek:
+            self.pace.is_paused = True
+            self._wanted = self.playback.turns
 
     def _take_timeline(self, at: tuple[float, float]) -> bool:
         """Handle a press on the timeline; the chosen turn is shown while the button is held."""

@@ -146,9 +146,9 @@ _CHARACTERS = range(33, 127)  # keys named by their character
 HELP = (
     "drag, W A S D or arrows: move",
     "wheel, page up and down: zoom",
-    "home: see everything",
-    "space: pause · .: one turn · + -: speed",
-    "click or drag the line below · ,: a turn back (replays)",
+    "0: see everything",
+    "space: pause · .: one turn · [ ] or - +: speed",
+    "replays: click or drag the line below · ,: a turn back · home, end: first, last turn",
     "click an agent: keep its panel · escape: keep none",
     "L: names · T: trails · N: light or dark",
     "H: words · F1: this help",

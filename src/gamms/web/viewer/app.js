@@ -10,7 +10,7 @@ import { THEMES } from "./themes.js";
 
 const SLICE_MS = 12; // of reading on at once
 const RESTS_MS = 160; // after which the map is painted sharply
-const COVERED = 0.4; // of the height, from where the panel covers the map on a phone
+const EDGE_PX = 24; // from the edge of the map that is in view to an agent that is looked at
 const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
 
@@ -49,8 +49,8 @@ export class App {
     this.settings = new Settings(this);
     root.replaceChildren(this.stage, this.controls.head, this.settings.element, this.#corner(), this.panel.element, this.controls.bar);
     this.#dress();
-    new ResizeObserver(() => this.#resize()).observe(this.stage);
-    this.#resize();
+    new ResizeObserver(() => this.fitStage()).observe(this.stage);
+    this.fitStage();
     listen(this);
     this.seek(options.turn ?? 0);
     if (options.follow) this.select(options.follow, true);
@@ -102,7 +102,7 @@ export class App {
       setTimeout(() => this.readOn(), 0);
       return;
     }
-    this.#resize(); // now that the captions are known
+    this.fitStage(); // now that the captions are known
     this.settings.renew();
     this.panel.renew(true);
     this.needsPaint = true;
@@ -113,7 +113,7 @@ export class App {
   /** Show a game that goes on. @param {{speed: number}} live */
   enliven(live) {
     this.live = live;
-    this.#resize();
+    this.fitStage();
   }
 
   /** Take further turns of a game that goes on, which have come. */
@@ -142,7 +142,7 @@ export class App {
     if (isSameMap) view.scene.camera = camera;
     this.look.selected = this.look.hovered = null;
     this.position = replay.recording.first;
-    this.#resize();
+    this.fitStage();
     this.seek(replay.turns);
     this.grow();
   }
@@ -204,8 +204,17 @@ export class App {
     this.select(found === null ? null : found.name);
     if (found === null) return;
     this.panel.open();
-    const { clientHeight } = this.stage;
-    if (!this.isWide && py > COVERED * clientHeight) this.moveCamera((camera) => camera.pan(0, COVERED * clientHeight / 2 - py));
+    this.#keepInView(found);
+  }
+
+  /** Move the map where an agent would be out of view. @param {import("./scene.js").Disc} disc */
+  #keepInView({ x, y }) {
+    for (const { camera } of this.views.map((view) => view.scene)) {
+      const [px, py] = camera.toScreen(x, y), { insets } = camera;
+      const isSeen = px > EDGE_PX && px < camera.width - EDGE_PX && py > insets.top + EDGE_PX && py < camera.height - insets.bottom - EDGE_PX;
+      if (!isSeen) camera.pan(camera.width / 2 - px, (insets.top + camera.height - insets.bottom) / 2 - py);
+    }
+    this.movedAt = performance.now();
   }
 
   /** Look closer at a place. @param {number} px @param {number} py */
@@ -272,9 +281,11 @@ export class App {
     for (const name of /** @type {const} */ (["background", "ink", "faint", "card"])) this.root.style.setProperty(`--${name}`, theme[name]);
   }
 
-  #resize() {
+  /** Fit the maps into the part of the page that is not beside or above the panel. */
+  fitStage() {
     const strip = this.live !== null && this.root.clientWidth <= NARROW_PX ? 46 : 0; // with what is said of a live game
-    const bar = (this.controls.bar.offsetHeight || 64) + 12 + strip;
+    const isAbovePanel = this.stage.getBoundingClientRect().bottom < this.controls.bar.getBoundingClientRect().top;
+    const bar = isAbovePanel ? 12 : (this.controls.bar.offsetHeight || 64) + 12 + strip;
     for (const { scene } of this.views) {
       scene.camera.insets = { left: 0, top: this.isWide ? 0 : 64, right: 0, bottom: bar };
       scene.camera.covered = this.covered();

@@ -160,7 +160,7 @@ function act(app, event) {
     w: () => pan(0, 1), s: () => pan(0, -1), a: () => pan(1, 0), d: () => pan(-1, 0),
     "+": () => zoom(ZOOM), "=": () => zoom(ZOOM), "-": () => zoom(1 / ZOOM), pageup: () => zoom(ZOOM), pagedown: () => zoom(1 / ZOOM),
     0: () => app.settings.fit(), f: () => app.select(app.look.selected, !app.isFollowing),
-    l: () => app.settings.toggleLabels(), t: () => app.settings.toggleTrails(), n: () => app.settings.toggleTheme(), p: () => app.panel.toggle(), "?": () => app.settings.toggleKeys(),
+    l: () => app.settings.toggleLabels(), t: () => app.settings.toggleTrails(), n: () => app.settings.toggleTheme(), p: () => app.panel.toggle(), "?": () => app.settings.toggleKeys(), f1: () => app.settings.toggleKeys(),
   };
   const action = Object.hasOwn(actions, event.key.toLowerCase()) ? actions[event.key.toLowerCase()] : undefined;
   action?.();

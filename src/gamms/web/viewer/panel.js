@@ -24,11 +24,13 @@ export class Panel {
 
   open() {
     this.element.hidden = false;
+    this.app.fitStage();
     this.renew(true);
   }
 
   close() {
     this.element.hidden = true;
+    this.app.fitStage();
   }
 
   toggle() {

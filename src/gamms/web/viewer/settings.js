@@ -3,9 +3,9 @@ import { element, iconButton, refill } from "./dom.js";
 import { IS_FRAMED } from "./input.js";
 
 const KEYS = [
-  ["space", "play, pause"], ["← →", "a turn back, on; with shift ten"], ["Home End", "the first, the last turn"], ["[ ]", "slower, faster"],
+  ["space", "play, pause"], [", . ← →", "a turn back, on; arrows with shift ten"], ["Home End", "the first, the last turn"], ["[ ]", "slower, faster"],
   ["drag, W A S D", "move the map"], [IS_FRAMED ? "ctrl + wheel, + −" : "wheel, + −", "zoom"], ["0", "see everything"], ["click", "select an agent"], ["F", "follow it"], ["Esc", "select none"],
-  ["L T N P", "names, trails, light or dark, panel"],
+  ["L T N P", "names, trails, light or dark, panel"], ["? F1", "these keys"],
 ];
 const TRAILS = 12;
 
