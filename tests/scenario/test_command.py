@@ -22,7 +22,7 @@ def run(*arguments):
 def test_a_game_is_played_and_written(folder):
     done = run("run", "little.yaml", "--seed", 7, "--max-turns", 4, "--set", "teams.red.count=2", "--out", "out")
     assert done.exit_code == 0
-    assert "little: no team won after 4 turns: max_turns (seed 7)" in done.stdout
+    assert "little: no team won after 4 turns: all turns are played (seed 7)" in done.stdout
     result = json.loads((folder / "out" / "result.json").read_text())
     assert (result["turns"], result["seed"]) == (4, 7)
     assert sorted(result["agents"]) == ["anna", "bert", "red_0", "red_1"]

@@ -59,7 +59,7 @@ def test_a_page_holds_every_state_of_the_game(game, tmp_path):
         for name in ("name", "node", "alive"):
             assert np.array_equal(before.agents[name], after.agents[name]), name
     first, second, *_ = found.captions()
-    assert first == {"words": "red 1", "agent": "red", "major": True, "marked": True, "turn": 10}
+    assert first == {"words": "red scores: 1", "agent": "red", "major": True, "marked": True, "turn": 10}
     assert second == {"words": "red_0: storm", "agent": "red_0", "major": False, "marked": True, "turn": 12}
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.result import Result
+from gamms.ir.game_state import reason_in_words
 from gamms.ir.graph import GraphColumns
 from gamms.osm import is_geojson
 from gamms.scenario import Scenario, load
@@ -80,7 +81,8 @@ def check_ways(ctx: Context) -> None:
 def headline(ctx: Context, played: Result) -> str:
     """Return the score in one line."""
     end = f"{played.winner} wins" if played.winner else "a draw"
-    return f"{_score(list(sides(ctx)), Counter(played.scores))} after {played.turns} turns ({played.reason}): {end}"
+    score = _score(list(sides(ctx)), Counter(played.scores))
+    return f"{score} after {played.turns} turns ({reason_in_words(played.reason)}): {end}"
 
 
 def key_events(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:

@@ -16,7 +16,7 @@ from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_targe
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, bytes_of, write_whole
-from gamms.ir.game_state import log_at
+from gamms.ir.game_state import log_at, reason_in_words
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.limits import refuse_above
@@ -201,7 +201,7 @@ class Result(Surface):
         """Return the winner, the number of turns and the reason in one line."""
         end = "no team won" if self.winner is None else f"{self.winner} won"
         turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
-        return printable_line(f"{end} after {turns}: {self.reason}")
+        return printable_line(f"{end} after {turns}: {reason_in_words(self.reason)}")
 
     def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
         """Yield the tables for `print` and notebooks, each with its header."""

@@ -26,7 +26,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, plain_subset, refuse_misfit, to_plain, whole
 from gamms.readonly import published
-from gamms.text import shown
+from gamms.text import as_text, shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 KEPT = "array functions"
@@ -450,3 +450,13 @@ _REFILLED = [  # filling a dict of dicts copies them
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
+
+
+ALL_PLAYED = "all turns are played"
+_REASONS = {"max_turns": ALL_PLAYED}
+
+
+def reason_in_words(reason: object) -> str:
+    """Return why a game ended as words: those of a rule, or the words for the reason of a game that no rule ended."""
+    words = as_text(reason)
+    return _REASONS.get(words, words)

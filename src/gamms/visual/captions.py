@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS
+from gamms.ir.game_state import ALL_PLAYED, reason_in_words
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, color_group
@@ -41,9 +42,6 @@ _SENTENCES = {  # kind of event -> the field with the subject, and the predicate
     "respawned": ("agent", _LAST),
 }
 _FIELD = re.compile(r"{(\w+)}")
-ALL_PLAYED = "all turns are played"
-_REASONS = {"max_turns": ALL_PLAYED}
-
 
 UNMARKED = frozenset({"tag", "respawned", *DECISIONS})  # kinds of events that are too frequent for a timeline
 
@@ -79,7 +77,7 @@ def rises(scores: Mapping[Any, Any], before: dict[str, float]) -> Iterator[Capti
     now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
     for of, score in now.items():
         if score > before.get(of, 0):
-            yield Caption(f"{of} {as_digits(score)}", of)
+            yield Caption(f"{of} scores: {as_digits(score)}", of)
     before.clear()
     before.update(now)
 
@@ -109,8 +107,8 @@ def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
 def ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
     winner = over.get("winner")
-    reason = as_text(over.get("reason", ""))
-    return "No winner" if winner is None else f"{as_text(winner)} won", _REASONS.get(reason, reason)
+    reason = reason_in_words(over.get("reason", ""))
+    return "No winner" if winner is None else f"{as_text(winner)} won", reason
 
 
 class ResultCard(NamedTuple):

@@ -129,9 +129,9 @@ def test_there_is_no_turn_to_go_to_without_a_recording(ctx):
 def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
     play(ctx, recording, {})
     assert ctx.visual.overlay.timeline.marks == (
-        TimelineMark(2, "red", "red 1", True),
+        TimelineMark(2, "red", "red scores: 1", True),
         TimelineMark(3, "blue", "bert is out", False),
-        TimelineMark(5, "red", "red 2", True),
+        TimelineMark(5, "red", "red scores: 2", True),
         TimelineMark(8, "red", "red won", True),
     )
     assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 3)) == ["turn 3: bert is out"]

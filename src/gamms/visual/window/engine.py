@@ -156,8 +156,8 @@ class WindowEngine(WindowNames, PictureEngine):
             "SPACE": pace.pause,
             **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
             "COMMA": self.step_back,
-            "HOME": self.go_to_start,
-            "END": self.go_to_end,
+            "HOME": self._go_to_start,
+            "END": self._go_to_end,
             "LEFTBRACKET": lambda: pace.faster(-1),
             "RIGHTBRACKET": lambda: pace.faster(1),
             **dict.fromkeys(("PLUS", "EQUALS", "KP_PLUS"), lambda: pace.faster(1)),
@@ -423,7 +423,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self._wanted = max(self.overlay.turns - 1, 0)
 
     @refused_while_deciding
-    def go_to_start(self) -> None:
+    def _go_to_start(self) -> None:
         """Jump to the start of the recording, and pause; in a game that is played, show the whole graph."""
         if self.playback is None:
             self.see_everything()
@@ -432,7 +432,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self._wanted = 0
 
     @refused_while_deciding
-    def go_to_end(self) -> None:
+    def _go_to_end(self) -> None:
         """Jump to the last turn of the recording, and pause."""
         if self.playback is not None and self.playback.can_seek:
             self.pace.is_paused = True

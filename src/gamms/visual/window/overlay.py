@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.ir.game_state import ALL_PLAYED
 from gamms.ir.graph import FloatArray
 from gamms.text import as_text
 from gamms.typing import IArtist, IContext
@@ -18,7 +19,6 @@ from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Point, WindowCamera, nearest_point
 from gamms.visual.captions import (
-    ALL_PLAYED,
     CAPTION_SECONDS,
     CaptionLine,
     Captions,
