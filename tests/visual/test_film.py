@@ -235,8 +235,8 @@ def test_the_first_frame_shows_the_start(plain, tmp_path):
 # -- a context that films itself ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("range_m", "room"), [(2.5, 2.5), (20.0, 2.5)])
-def test_a_film_shows_fields_of_view_up_to_a_quarter_of_the_map_wherever_agents_go(ctx, tmp_path, range_m, room):
+@pytest.mark.parametrize(("range_m", "room"), [(2.5, 2.5), (4.5, 4.5), (20.0, 4.5)])
+def test_a_film_shows_fields_of_view_up_to_nearly_half_of_the_map_wherever_agents_go(ctx, tmp_path, range_m, room):
     ctx.sensor.create_sensor("eye", gamms.sensor.SensorType.RANGE, sensor_range=range_m)
     red = ctx.agent.get_agent("red_0")
     red.register_sensor("eye", ctx.sensor.get_sensor("eye"))

@@ -53,7 +53,7 @@ RING = 1.7  # of a sensed agent, in radii of its disc
 # of a wall: in radii of agents, and at most in metres
 _WALL = 0.3
 _THICKEST = 0.5
-_MOST_ROOM = 0.25  # for fields of view at each side of a map that stays as it is, in lengths of its longer side
+_MOST_ROOM = 0.45  # for fields of view at each side of a map that stays as it is, in lengths of its longer side
 
 
 ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]

@@ -53,16 +53,16 @@ def test_an_impossible_option_is_refused(open_window, bad):
         open_window(**bad)
 
 
-@pytest.mark.parametrize("range_m", [2.5, 60.0])
-def test_fields_of_view_are_seen_up_to_a_quarter_of_the_map_wherever_agents_go(ctx, range_m):
+@pytest.mark.parametrize(("range_m", "room"), [(2.5, 2.5), (4.5, 4.5), (60.0, 4.5)])
+def test_fields_of_view_are_seen_up_to_nearly_half_of_the_map_wherever_agents_go(ctx, range_m, room):
     ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=range_m)
     red = ctx.agent.get_agent("red_0")
     red.register_sensor("eye", ctx.sensor.get_sensor("eye"))
     red.get_state()
     ctx.visual.simulate()
     left, right, low, high, _ = ctx.visual.get_viewport()
-    assert left < -2.5 < 12.5 < right
-    assert low < -2.5 < 12.5 < high
+    assert left < -room < 10.0 + room < right
+    assert low < -room < 10.0 + room < high
     assert high - low < 24.0  # the map, 10 units high, stays large
 
 
