@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import av
 import numpy as np
@@ -14,6 +15,7 @@ from PIL import Image, ImageSequence
 import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, Duplicate
 from gamms.visual import Engine
+from gamms.visual.backends.pillow_backend import Gif
 
 
 def frames_of(path):
@@ -103,6 +105,22 @@ def test_a_turn_takes_five_frames(plain, tmp_path):
         move(plain, "red_0", 1)
         move(plain, "red_0", 2)
         assert film.frames == 10
+
+
+def test_small_signs_keep_their_colors_in_a_gif_of_many_tones(tmp_path):
+    tones = np.zeros((120, 160, 3), np.uint8)
+    tones[..., 0] = 225 + np.arange(160) % 30
+    tones[..., 1] = 225 + np.arange(120)[:, None] % 30
+    tones[..., 2] = 235
+    colors = [(208, 48, 40), (20, 80, 165), (0, 140, 90)]
+    for number, color in enumerate(colors):
+        tones[10 * number : 10 * number + 5, :5] = color
+    gif = Gif(tmp_path / "a.gif", 160, 120, 10.0)
+    gif.add(SimpleNamespace(pixels=lambda: tones))
+    gif.finish()
+    [picture], _ = frames_of(tmp_path / "a.gif")
+    assert [tuple(picture[10 * number + 2, 2].tolist()) for number in range(3)] == colors
+    assert np.abs(picture.astype(int) - tones).mean() < 4
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])

@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and an unused byte
 
-_OWN = 192  # colors taken from the first frame; the others are spread evenly, for later frames
+# of the colors of an animation: vivid ones of its first frame, which are those of teams, and mixed ones of all of it; the
+# others are spread evenly, for later frames
+_VIVID = 24
+_MIXED = 168
 _SPREAD = (0, 85, 170, 255)
 _FINER = 4  # shapes and letters are drawn this many times larger, then reduced, for smooth edges
 EDGE_PX = 0.5 / _FINER  # by which Pillow fills more than a polygon at each side
@@ -209,8 +212,11 @@ class Gif:
 
 
 def _palette(module: ModuleType, image: "Image") -> Any:
-    own = (image.quantize(_OWN).getpalette() or [])[: 3 * _OWN]
+    counts: Any = image.getcolors(image.width * image.height)
+    weighed = sorted((-count * (max(color) - min(color)) ** 3, color) for count, color in counts)
+    vivid = list(chain.from_iterable(color for _, color in weighed[:_VIVID]))
+    own = [*vivid, *(image.quantize(_MIXED).getpalette() or [])[: 3 * _MIXED]]
     spread = chain.from_iterable(product(_SPREAD, repeat=3))
     palette = module.new("P", (1, 1))
-    palette.putpalette([*own, *[0] * (3 * _OWN - len(own)), *spread])
+    palette.putpalette([*own, *[0] * (3 * (_VIVID + _MIXED) - len(own)), *spread])
     return palette
