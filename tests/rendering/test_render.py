@@ -1,5 +1,6 @@
 """`gamms render`: films and pictures of recordings, of whom one follows, and of what a team can see."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -134,6 +135,70 @@ def test_who_is_followed_is_in_the_middle_of_every_frame(game, tmp_path):
         rows, columns = np.nonzero(red[:, middle - 25 : middle + 25])
         assert abs(columns.mean() - 25) < 6
         assert abs(rows.mean() + 40 - 80) < 6
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+@pytest.mark.parametrize("turns", ["1:2", "4:6"])
+def test_a_film_that_follows_an_agent_is_a_landscape_from_its_first_turn_on(game, tmp_path, turns, suffix):
+    options = ("--follow", "auto", "--turns", turns, "--frames-per-turn", 1)
+    assert run(game, tmp_path / f"clip{suffix}", *options, "--width", 320).exit_code == 0
+    with av.open(str(tmp_path / f"clip{suffix}")) as file:
+        stream = file.streams.video[0]
+        assert (stream.width, stream.height) == (320, 180)
+
+
+@pytest.fixture(scope="module")
+def eventful(tmp_path_factory):
+    """Anna walks most, ben tags twice, carl carries a flag at the end, and dora, with most events, is out then."""
+    path = tmp_path_factory.mktemp("eventful") / "game.ggr"
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 20))
+        for node, name in enumerate(("dora", "carl", "ben", "anna")):
+            strategy = east if name == "anna" else gamms.strategies.stay
+            ctx.agent.create_agent(name, start_node_id=node, team=name[0], strategy=strategy)
+
+        @ctx.game.add
+        def happen(ctx):
+            turn = ctx.game.turn
+            if turn in (3, 4, 5):
+                ctx.game.emit("hit", agent="ben", other="dora")
+            if turn == 5:
+                ctx.game.eliminate("dora")
+            if turn == 8:
+                ctx.game.data["flags"] = {"bases": {"a": 0}, "carriers": {"a": "carl"}}
+            ctx.game.emit("choice", agent="anna")
+
+        ctx.record.start(path)
+        ctx.game.run(max_turns=9)
+        ctx.record.stop()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("turns", "options", "followed"),
+    [
+        ((1, 2), {}, "anna"),
+        ((3, 4), {}, "ben"),
+        ((3, 6), {}, "ben"),
+        ((6, 7), {}, "anna"),
+        ((7, 9), {}, "carl"),
+        ((7, 9), {"fog": "a"}, "anna"),
+    ],
+)
+def test_the_agent_that_most_happens_to_is_followed(eventful, tmp_path, turns, options, followed):
+    given = RenderOptions(*turns, follow="auto", width=320, frames_per_turn=1)
+    given = replace(given, **options)
+    with gamms.recorder.open(eventful) as recording:
+        assert rendering._most_eventful(recording, given) == followed
+    if not options:
+        rendering.render(eventful, tmp_path / "auto.png", RenderOptions(*turns, follow="auto"))
+        rendering.render(eventful, tmp_path / "named.png", RenderOptions(*turns, follow=followed))
+        assert (tmp_path / "auto.png").read_bytes() == (tmp_path / "named.png").read_bytes()
+
+
+def test_a_page_follows_the_agent_that_most_happens_to(eventful, tmp_path):
+    rendering.render(eventful, tmp_path / "game.html", RenderOptions(first=3, follow="auto"))
+    assert '"follow": "ben"' in (tmp_path / "game.html").read_text()
 
 
 def test_in_the_fog_others_are_seen_near_the_team_only(game):

@@ -234,7 +234,10 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     turns: Annotated[
         str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
     ] = ":",
-    follow: Annotated[str | None, typer.Option(help="Keep this agent in the middle.", metavar="AGENT")] = None,
+    follow: Annotated[
+        str | None,
+        typer.Option(help="Keep this agent in the middle; auto: the one that most happens to.", metavar="AGENT"),
+    ] = None,
     view: Annotated[
         float | None,
         typer.Option(help="With --follow: how much is seen, in metres (map units); by default 400, or 30 edges."),

@@ -1,9 +1,10 @@
 """Pictures, films and pages of recordings. A client: it replays into a context, and draws the context."""
 
 import os
-from collections.abc import Callable, Collection
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,9 +15,11 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.errors import suggest_names as _suggest_names
 from gamms.folders import write_whole
+from gamms.ir.events import DECISIONS
 from gamms.recorder import Recording
+from gamms.recorder.recording import State
 from gamms.recordings.conversion import in_version_3, with_map
-from gamms.text import shown
+from gamms.text import as_text, shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import IPlayback, pages
 from gamms.visual.backends import FILMS, FORMATS
@@ -32,6 +35,8 @@ _VIEW_M = 400.0
 _VIEW_EDGES = 30.0
 
 _AROUND = 1.4  # how much more than the places of agents a cropped picture shows
+AUTO = "auto"  # of `follow`
+_CARRIES = 3  # how many events a flag counts as that an agent carries
 _PAGE = ".html"
 _OF_FILMS = ("fps", "frames_per_turn")  # options that apply only to some formats
 _OF_PICTURES = ("view", "width", "height", "fit", "scale_bar", "north", "captions", "legend", "crop")  # and of films
@@ -46,7 +51,7 @@ class RenderOptions:
     Attributes:
         first: the first turn of a film; None: from the beginning.
         last: the last turn of a film, or the turn after which a picture shows the game (0: the start); None: the end.
-        follow: the name of an agent to keep in the middle.
+        follow: the name of an agent to keep in the middle; "auto": the agent that most happens to in these turns.
         view: the width of the view with `follow`, map units; None: 400 metres.
         fog: a team, as text: only the views of its sensors are shown.
         width, height: pixels; None: depends on the map.
@@ -123,6 +128,8 @@ def render(
     _check_format(out, options)
     with in_version_3(path, map) as recording:
         _check_turns(recording, options)
+        if options.follow == AUTO:
+            options = replace(options, follow=_most_eventful(recording, options))
         if suffix == _PAGE:
             return _save_page(recording, out, options)
         with with_map(map) as ctx:
@@ -178,6 +185,48 @@ def _save_page(recording: Recording, out: Path, options: RenderOptions) -> int:
     return recording.turns
 
 
+def _most_eventful(recording: Recording, options: RenderOptions) -> str:
+    """Return the agent that most happens to in the requested turns, among those that live through them.
+
+    Events that name an agent count, and flags that it carries at the start or the end; then its moves; then its name.
+
+    Raises:
+        BadValue: no agent is alive.
+    """
+    first = max((options.first or 1) - 1, 0)
+    last = recording.turns if options.last is None else options.last
+    states = recording[first], recording[last]
+    living = [_living(state, options.fog) for state in states]
+    candidates = sorted(living[0] & living[1]) or sorted(living[0]) or sorted(living[1])
+    if not candidates:
+        raise BadValue(
+            f"No agent is alive in turns {first + 1} to {last}, so none can be followed: leave --follow out."
+        )
+    if AUTO in candidates:  # an agent may have this name
+        return AUTO
+    counts = Counter[object]()
+    for event in recording.events(first + 1, last + 1):
+        if event["kind"] not in DECISIONS:
+            counts.update(as_text(event[key]) for key in ("agent", "other") if key in event)
+    for state in states:
+        counts.update(dict.fromkeys(_carriers(state), _CARRIES))
+    moves = Counter(recording.table("moves", first + 1, last + 1)["agent"].tolist())
+    return max(candidates, key=lambda name: (counts[name], moves[name]))
+
+
+def _living(state: State, team: str | None) -> set[str]:
+    """Return the names of the living agents; of a team, if one is given."""
+    agents = state.agents
+    pairs = zip(agents["name"].tolist(), agents["team"].tolist(), agents["alive"].tolist(), strict=True)
+    return {name for name, own, is_alive in pairs if is_alive and team in (None, as_text(name if own is None else own))}
+
+
+def _carriers(state: State) -> list[str]:
+    """Return the names of the agents that carry a flag."""
+    kept = [value.get("carriers") for value in state.data.values() if isinstance(value, Mapping)]
+    return [as_text(name) for one in kept if isinstance(one, Mapping) for name in one.values() if name is not None]
+
+
 class _Renderer:
     """A context into which a recording is replayed, and its declarations."""
 
@@ -215,6 +264,8 @@ class _Renderer:
         self._play(max((options.first or 1) - 1, 0))
         if self._turn == 0:
             next(self._records, None)  # the map and the agents come with the first record
+        if options.follow in self._ctx.agent.agents:  # or else it comes in the first turn
+            self._follow(options.follow)  # before the size of the film is chosen
         begun = self._turn
         size = options.width, options.height, options.frames_per_turn
         with self._ctx.visual.film(out, options.fps, *size, **self._page):
@@ -267,8 +318,13 @@ class _Renderer:
         if self._fog is not None:
             self._fog.look()
         if options.follow is not None and ctx.visual.viewpoint.followed is None:
-            as_known(options.follow, "agent", ctx.agent.agents)
-            ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
+            self._follow(options.follow)
+
+    def _follow(self, name: str) -> None:
+        """Keep an agent in the middle."""
+        ctx = self._ctx
+        as_known(name, "agent", ctx.agent.agents)
+        ctx.visual.follow(name, _view(ctx) if self._options.view is None else self._options.view)
 
     def _crop(self) -> None:
         """Show the part of the map where the living agents are, unless that is nearly all of it."""
