@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and an unused byte
 
-# of the colors of an animation: vivid ones of its first frame, which are those of teams, and mixed ones of all of it; the
+# of the colors of an animation: vivid ones of its first frame, such as those of teams, and mixed ones of all of it; the
 # others are spread evenly, for later frames
 _VIVID = 24
 _MIXED = 168
