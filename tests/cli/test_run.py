@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import threading
@@ -15,8 +16,12 @@ import av
 import pytest
 from typer.testing import CliRunner
 
-from gamms import cli, recorder, scenario
+from gamms import cli, recorder, recordings, scenario
 from gamms.game import Result
+from gamms.visual.themes import THEMES
+from gamms.web.bundle import css
+
+TOWN = Path(__file__).parents[1] / "osm_online/data/kluuvi.osm.gz"
 
 GAME = """
 name: Little
@@ -80,6 +85,23 @@ def test_the_recording_of_one_game_has_what_sensors_saw_unless_it_is_left_out(fo
         with recorder.open(f"{name}.ggr") as recording:
             assert bool(recording.counts().get("SENSED")) == sensed
     assert Result.load("with/result.json") == Result.load("without/result.json")
+
+
+@pytest.mark.parametrize(("scenery", "is_drawn"), [("", True), (", scenery: true", True), (", scenery: false", False)])
+def test_the_picture_of_a_town_has_its_parks_and_water_and_the_recording_what_the_scenario_says(
+    folder, scenery, is_drawn
+):
+    shutil.copy(TOWN, folder / "town.osm.gz")
+    game = GAME.replace("{grid: {width: 6, height: 6}}", f"{{file: {{path: town.osm.gz{scenery}}}}}")
+    (folder / "game.yaml").write_text(game)
+    done = run("--max-turns", 1, "--seed", 1)
+    assert (done.exit_code, done.stderr) == (0, "")
+    picture = Path("gamms-run/final.svg").read_text()
+    tones = THEMES["light"].map.ground
+    assert [f'fill="{css(tone)}"' in picture for tone in (tones.green, tones.water)] == [is_drawn, is_drawn]
+    with recordings.context_for("gamms-run/game.ggr") as ctx:
+        next(iter(ctx.record.replay("gamms-run/game.ggr")))
+        assert bool(len(ctx.graph.scenery_columns().kinds)) == (scenery == ", scenery: true")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

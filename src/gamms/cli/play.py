@@ -21,8 +21,9 @@ from gamms.cli.output import (
     save_pictures,
     warn,
 )
+from gamms.errors import GammsError
 from gamms.folders import made_folder, without_link
-from gamms.text import printable_line
+from gamms.text import printable_line, reason
 
 if TYPE_CHECKING:
     from gamms.context import Context
@@ -221,6 +222,7 @@ def _play_one(
             recording = making.enter_context(recorded(ctx, out, sensed=sensed))
             result = ctx.game.run(progress=True)
         result.save(without_link(out / "result.json"))
+        _draw_scenery(game, ctx)
         pictures = save_pictures(ctx, out, title=name, captions=True)
         echo(f"\n{name}: {result}")
         made = [f"{out / 'result.json'} (the result)", f"{recording} (every move; gamms replay)"]
@@ -232,6 +234,21 @@ def _play_one(
         echo(f"\nWrote {', '.join(made)}.{missing}")
         if is_shown:
             ctx.visual.stay_open()
+
+
+def _draw_scenery(game: "Scenario", ctx: "Context") -> None:
+    """Draw buildings, parks and water in pictures of a game that has been played and recorded."""
+    from gamms.scenario.maps import scenery_for_pictures
+
+    if ctx.is_terminated():
+        return
+    try:
+        scenery = scenery_for_pictures(game, ctx)
+    except (GammsError, OSError) as error:
+        echo(f"gamms: The pictures show streets only. {reason(error)}", err=True)
+        return
+    if scenery is not None:
+        ctx.graph.graph.scenery = scenery
 
 
 def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:

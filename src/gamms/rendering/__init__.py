@@ -17,7 +17,7 @@ from gamms.errors import suggest_names as _suggest_names
 from gamms.folders import write_whole
 from gamms.ir.events import DECISIONS
 from gamms.recorder import Recording
-from gamms.recorder.recording import State
+from gamms.recorder.states import State
 from gamms.recordings.conversion import in_version_3, with_map
 from gamms.text import as_text, shown
 from gamms.typing import PictureOptions

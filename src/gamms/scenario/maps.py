@@ -1,8 +1,10 @@
 """The map of a scenario: load it once, and copy its arrays into every game."""
 
 import logging
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gamms import osm
 from gamms.context import Context, create_context
@@ -10,10 +12,14 @@ from gamms.errors import nearest
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.scenery import Scenery
 from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
 from gamms.text import shown
+
+if TYPE_CHECKING:
+    from gamms.scenario.scenario import Scenario
 
 _OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
@@ -154,6 +160,24 @@ def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> Non
         ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, **_walls_of(given, options)))
     if given.scenery:
         ctx.graph.graph.scenery = osm.scenery_from_file(file, ctx, buildings=not given.buildings)
+
+
+def scenery_for_pictures(game: "Scenario", ctx: Context) -> Scenery | None:
+    """Return the buildings, parks and water around a built game whose scenario does not say whether they are drawn.
+
+    They are read from the file of the map, for pictures: the map of the game, and of its recording, is without them.
+    None: the scenario says so, or the map is no OpenStreetMap file.
+
+    Raises:
+        BadValue: there is too much scenery around the streets.
+    """
+    given = game.to_dict()["map"].get("file")
+    file = map_file(game.spec.map, game.folder)
+    if file is None or (isinstance(given, Mapping) and "scenery" in given):
+        return None
+    if file.suffix == ".gamms" or osm.is_geojson(file):
+        return None
+    return osm.scenery_from_file(file, ctx, buildings=len(ctx.graph.obstacle_columns().ids) == 0)
 
 
 def _load_place(ctx: Context, given: MapPlace, options: Values) -> None:
