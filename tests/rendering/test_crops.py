@@ -60,6 +60,24 @@ def test_a_crop_is_as_high_as_agents_are_apart(tmp_path, monkeypatch, size, widt
     assert seen == [(500.0, 125.0, pytest.approx(width))]
 
 
+@pytest.mark.parametrize("agents", [[0, 3, 150, 580, 583, 586, 590], [0, 599]])
+def test_a_crop_of_a_slim_map_fills_the_picture_and_shows_most_agents(tmp_path, monkeypatch, agents):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(60, 10, spacing=20.0))  # 180 wide, 1180 high
+        ctx.agent.create_team("red", agents, strategy=stay)
+        ctx.game.run(1, record=tmp_path / "game.ggr")
+    seen = []
+    monkeypatch.setattr(PictureEngine, "look_at", lambda _, *view: seen.append(view))
+    render(tmp_path / "game.ggr", tmp_path / "picture.svg", RenderOptions(crop=True, width=400, height=300))
+    [(x, y, width)] = seen
+    assert width == pytest.approx(180.0)
+    assert x == pytest.approx(90.0)
+    places = [(20.0 * (node % 10), 20.0 * (node // 10)) for node in agents]
+    shown = [place for place in places if abs(place[1] - y) <= 67.5]
+    assert len(shown) == (4 if len(agents) == 7 else 1)
+    assert 67.5 <= y <= 1180.0 - 67.5
+
+
 def test_the_legend_can_be_left_out(recording):
     assert "blue" in words(picture(recording))
     assert words(picture(recording, legend=False, labels=False)) == []

@@ -147,6 +147,59 @@ def test_the_wheel_scrolls_the_page_around_a_frame_unless_ctrl_is_held(chromium,
     assert "ctrl + wheel" in page.value("frames[0].document.getElementById('keys').textContent")
 
 
+@pytest.mark.parametrize(("rows", "columns", "is_stamp"), [(40, 4, True), (8, 10, False)])
+def test_in_a_frame_a_slim_map_begins_with_the_agent_that_most_happens_to(chromium, tmp_path, rows, columns, is_stamp):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(rows, columns))
+        for node, name in enumerate(("anna", "ben", "carl")):
+            ctx.agent.create_agent(name, start_node_id=node, strategy=gamms.strategies.stay)
+
+        @ctx.game.add
+        def happen(ctx):
+            ctx.game.emit("sings", agent="ben" if ctx.game.turn < 9 else "carl")
+
+        ctx.game.run(max_turns=10, record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        viewer = html.escape(web.page(recording).decode())
+    frame = f'<iframe width="800" height="500" srcdoc="{viewer}"></iframe>'
+    (tmp_path / "around.html").write_text(f"<!DOCTYPE html><title>text</title>{frame}")
+    page = chromium.open(tmp_path / "around.html", until="frames[0]?.document.getElementById('viewer')?.dataset.isRead")
+    page.settle()
+    followed = page.value("frames[0].gamms.isFollowing ? frames[0].gamms.look.selected : null")
+    assert followed == ("ben" if is_stamp else None)
+    camera = "frames[0].gamms.views[0].scene.camera"
+    assert page.value(f"{camera}.isFitted") is not is_stamp
+    page.value("frames[0].gamms.settings.fit()")
+    page.settle()
+    assert page.value(f"[{camera}.isFitted, frames[0].gamms.isFollowing]") == [True, False]
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844), (345, 416)])
+@pytest.mark.parametrize("has_panel", [False, True])
+def test_the_source_of_the_map_can_be_read(chromium, tmp_path, size, has_panel):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.graph.graph.attribution = "© OpenStreetMap contributors, ODbL 1.0"
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.stay)
+        ctx.game.run(max_turns=2, record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        recording.save(tmp_path / "game.html")
+    page = chromium.open(tmp_path / "game.html", *size)
+    if has_panel:
+        page.value("gamms.panel.open()")
+    page.settle()
+    boxes = page.value(
+        "[...document.querySelectorAll('.credit, .bar, .panel:not([hidden]), .head, .toolbar')].map((one) => "
+        "(({left, top, right, bottom}) => [one.className, left, top, right, bottom])(one.getBoundingClientRect()))"
+    )
+    [(_, *credit)] = [one for one in boxes if one[0] == "credit"]
+    assert credit[0] >= 0
+    assert credit[2] <= size[0]
+    for name, left, top, right, bottom in boxes:
+        is_apart = credit[2] <= left or credit[0] >= right or credit[3] <= top or credit[1] >= bottom
+        assert is_apart or name == "credit", name
+
+
 @pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844)])
 def test_the_panel_stands_beside_the_map_and_what_is_selected_stays_in_view(chromium, walk, size):
     page = chromium.open(walk, *size)

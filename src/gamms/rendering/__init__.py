@@ -16,6 +16,7 @@ from gamms.errors import BadType, BadValue
 from gamms.errors import suggest_names as _suggest_names
 from gamms.folders import write_whole
 from gamms.ir.events import DECISIONS
+from gamms.ir.graph import FloatArray
 from gamms.recorder import Recording
 from gamms.recorder.states import State
 from gamms.recordings.conversion import in_version_3, with_map
@@ -34,6 +35,7 @@ _suggest_names(__name__, __all__)
 _VIEW_M = 400.0
 _VIEW_EDGES = 30.0
 
+_STAMP = 0.6  # share of a picture's width or height that the whole map fills at least, or a crop fills it
 _AROUND = 1.4  # how much more than the places of agents a cropped picture shows
 AUTO = "auto"  # of `follow`
 _CARRIES = 3  # how many events a flag counts as that an agent carries
@@ -327,7 +329,10 @@ class _Renderer:
         ctx.visual.follow(name, _view(ctx) if self._options.view is None else self._options.view)
 
     def _crop(self) -> None:
-        """Show the part of the map where the living agents are, unless that is nearly all of it."""
+        """Show the part of the map where the living agents are, unless that is nearly all of it.
+
+        If the whole map would fill little of the picture, because it is much slimmer, the part fills the picture.
+        """
         ctx = self._ctx
         options = self._options
         living = [name for name, agent in ctx.agent.agents.items() if agent.alive]
@@ -336,11 +341,15 @@ class _Renderer:
         places = np.array([ctx.visual.drawing.position_of(name) for name in living])
         low = places.min(axis=0)
         high = places.max(axis=0)
-        x, y = ((low + high) / 2).tolist()
         across, up = (high - low).tolist()
         shape = 1.0 if options.width is None or options.height is None else options.width / options.height
         width = max(_AROUND * across, _AROUND * up * shape, _view(ctx))
-        if width < longer_side(ctx.graph.columns()):
+        columns = ctx.graph.columns()
+        on_map = np.ptp(columns.xy, axis=0) * (1.0, shape)  # how wide pictures are that hold its width, and its height
+        if on_map.min() < _STAMP * on_map.max():
+            width = min(width, float(on_map.min()))
+        if width < longer_side(columns):
+            x, y = _fullest(places, np.array([width, width / shape]), columns.xy).tolist()
             ctx.visual.look_at(x, y, width)
 
     def _end_turn(self) -> None:
@@ -349,6 +358,25 @@ class _Renderer:
         if self._ctx.visual.pictures.films or self._options.fog is not None:
             self._begin()
         self._show(f"Turn {self._turn} of {self._total}")
+
+
+def _fullest(places: FloatArray, size: FloatArray, xy: FloatArray) -> FloatArray:
+    """Return the middle (2,) of a view that holds most of some places, and is on the map as far as it can be.
+
+    Args:
+        places: (agents, 2) the places.
+        size: (2,) the width and height of the view.
+        xy: (nodes, 2) the nodes of the map.
+    """
+    low = np.minimum(xy.min(axis=0) + size / 2, xy.mean(axis=0))
+    high = np.maximum(xy.max(axis=0) - size / 2, xy.mean(axis=0))
+    whole: FloatArray = (places.min(axis=0) + places.max(axis=0)) / 2
+    if (np.ptp(places, axis=0) <= size).all():
+        return whole
+    middles = np.clip(np.vstack([whole, places]), low, high)
+    counts = [int((np.abs(places - middle) <= size / 2).all(axis=1).sum()) for middle in middles]
+    fullest: FloatArray = middles[int(np.argmax(counts))]
+    return fullest
 
 
 def _view(ctx: Context) -> float:

@@ -1,7 +1,7 @@
 // The viewer: one or two recordings on one timeline, and what a person does with them.
 import { element, iconButton } from "./dom.js";
 import { Controls } from "./controls.js";
-import { listen } from "./input.js";
+import { IS_FRAMED, listen } from "./input.js";
 import { Panel } from "./panel.js";
 import { Replay } from "./replay.js";
 import { Scene } from "./scene.js";
@@ -10,6 +10,7 @@ import { THEMES } from "./themes.js";
 
 const SLICE_MS = 12; // of reading on at once
 const RESTS_MS = 160; // after which the map is painted sharply
+const STAMP = 0.35; // share of the free width or height that a map fills at least, unless it is a stamp
 const EDGE_PX = 24; // from the edge of the map that is in view to an agent that is looked at
 const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
@@ -263,13 +264,24 @@ export class App {
     this.movedAt = performance.now();
   }
 
+  /** In a frame of another page, follow an agent if the whole map would be a stamp. */
+  beginInFrame() {
+    const [{ replay, scene: { camera } }] = this.views, { box, insets } = camera;
+    const shown = [(box.right - box.left) * camera.scale, (box.top - box.bottom) * camera.scale];
+    const free = [camera.width - insets.left - insets.right, camera.height - insets.top - insets.bottom];
+    if (!IS_FRAMED || this.isFollowing || !camera.isFitted || Math.min(shown[0] / free[0], shown[1] / free[1]) > STAMP) return;
+    this.look.selected ??= replay.timeline.mostNamed(this.turn, replay.state.agents);
+    this.isFollowing = this.look.selected !== null;
+    if (this.isFollowing) this.#lookCloser();
+    this.needsPaint = true;
+  }
+
   #follow() {
     if (!this.isFollowing || this.look.selected === null) return;
     for (const { scene } of this.views) {
       const disc = scene.discOf(this.look.selected);
       if (disc === undefined || (disc.x === scene.camera.x && disc.y === scene.camera.y)) continue;
       scene.camera.lookAt(disc.x, disc.y);
-      this.movedAt = performance.now();
       this.needsPaint = true;
     }
   }
@@ -284,6 +296,7 @@ export class App {
   /** Fit the maps into the part of the page that is not beside or above the panel. */
   fitStage() {
     const strip = this.live !== null && this.root.clientWidth <= NARROW_PX ? 46 : 0; // with what is said of a live game
+    this.root.style.setProperty("--bar", `${this.controls.bar.offsetHeight}px`);
     const isAbovePanel = this.stage.getBoundingClientRect().bottom < this.controls.bar.getBoundingClientRect().top;
     const bar = isAbovePanel ? 12 : (this.controls.bar.offsetHeight || 64) + 12 + strip;
     for (const { scene } of this.views) {

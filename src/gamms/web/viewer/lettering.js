@@ -12,8 +12,11 @@ export function paintWords(to, words, x, y, theme) {
   to.fillText(words, x, y);
 }
 
+const NARROW_PX = 380; // views that have no room for it beside the source of the map
+
 /** Paint how long some metres are. @param {CanvasRenderingContext2D} to @param {import("./camera.js").Camera} camera @param {Theme} theme */
 export function paintScaleBar(to, camera, theme) {
+  if (camera.width < NARROW_PX) return;
   const most = Math.min(140, camera.width / 4) / camera.scale;
   const power = 10 ** Math.floor(Math.log10(most));
   const metres = [5, 2, 1].map((n) => n * power).find((n) => n <= most) ?? power;

@@ -23,7 +23,10 @@ async function begin() {
   });
   const app = new App(root, replays, options);
   Object.defineProperty(window, "gamms", { value: app }); // for consoles and tests
-  app.whenRead = () => followAddress(app);
+  app.whenRead = () => {
+    followAddress(app);
+    app.beginInFrame();
+  };
 }
 
 begin().catch((error) => {

@@ -3,6 +3,7 @@ import { Recording } from "./recording.js";
 import { valueOf } from "./values.js";
 
 const MOST_CAPTIONS = 20000;
+const NEXT_TURNS = 60;
 
 /** @typedef {{turn: number, words: string, agent: string | null, isMajor: boolean, isMarked: boolean}} Caption */
 /** @template T @typedef {{turn: number, value: T}} Entry */
@@ -60,6 +61,13 @@ export class Timeline {
       if (drawing) found.set(drawing.get("artist"), drawing);
     }
     return found;
+  }
+
+  /** Return the agent that is in the game and that the captions of the next turns name most; else the first one. @param {number} turn @param {Map<string, import("./recording.js").Agent>} agents @returns {string | null} */
+  mostNamed(turn, agents) {
+    const counts = new Map([...agents.values()].filter((agent) => agent.alive).map((agent) => [agent.name, 0]));
+    for (const one of this.captions) if (one.turn > turn && one.turn <= turn + NEXT_TURNS && one.agent !== null && counts.has(one.agent)) counts.set(one.agent, (counts.get(one.agent) ?? 0) + 1);
+    return [...counts].reduce((best, one) => (best === null || one[1] > best[1] ? one : best), /** @type {[string, number] | null} */ (null))?.[0] ?? null;
   }
 
   /** Return what is said of an agent: pairs of a key and words. @param {string} agent @param {string} heading @param {number} turn @returns {[string, string][]} */
