@@ -172,6 +172,11 @@ def test_in_a_frame_a_slim_map_begins_with_the_agent_that_most_happens_to(chromi
     page.value("frames[0].gamms.settings.fit()")
     page.settle()
     assert page.value(f"[{camera}.isFitted, frames[0].gamms.isFollowing]") == [True, False]
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        recording.save(tmp_path / "game.html")
+    for size, is_followed in (((844, 390), is_stamp), ((1280, 720), False)):  # a phone, and a screen
+        page.open(tmp_path / "game.html", *size)
+        assert page.value("gamms.isFollowing") is is_followed
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844), (345, 416)])

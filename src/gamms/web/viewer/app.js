@@ -10,7 +10,8 @@ import { THEMES } from "./themes.js";
 
 const SLICE_MS = 12; // of reading on at once
 const RESTS_MS = 160; // after which the map is painted sharply
-const STAMP = 0.35; // share of the free width or height that a map fills at least, unless it is a stamp
+const PHONE_PX = 480; // the shorter side of pages on phones
+const STAMP = 0.4, SLIM = 1.4; // a map is a stamp if it fills less of the free width or height, and is that much longer than wide
 const EDGE_PX = 24; // from the edge of the map that is in view to an agent that is looked at
 const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
@@ -264,12 +265,14 @@ export class App {
     this.movedAt = performance.now();
   }
 
-  /** In a frame of another page, follow an agent if the whole map would be a stamp. */
-  beginInFrame() {
+  /** In a frame of another page, and on phones, follow an agent if the whole map would be a stamp. */
+  beginNear() {
+    const isSmall = IS_FRAMED || Math.min(this.root.clientWidth, this.root.clientHeight) < PHONE_PX;
     const [{ replay, scene: { camera } }] = this.views, { box, insets } = camera;
     const shown = [(box.right - box.left) * camera.scale, (box.top - box.bottom) * camera.scale];
     const free = [camera.width - insets.left - insets.right, camera.height - insets.top - insets.bottom];
-    if (!IS_FRAMED || this.isFollowing || !camera.isFitted || Math.min(shown[0] / free[0], shown[1] / free[1]) > STAMP) return;
+    const isStamp = Math.min(shown[0] / free[0], shown[1] / free[1]) < STAMP && Math.max(...shown) > SLIM * Math.min(...shown);
+    if (!isSmall || !isStamp || this.isFollowing || !camera.isFitted) return;
     this.look.selected ??= replay.timeline.mostNamed(this.turn, replay.state.agents);
     this.isFollowing = this.look.selected !== null;
     if (this.isFollowing) this.#lookCloser();

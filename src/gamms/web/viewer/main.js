@@ -25,7 +25,7 @@ async function begin() {
   Object.defineProperty(window, "gamms", { value: app }); // for consoles and tests
   app.whenRead = () => {
     followAddress(app);
-    app.beginInFrame();
+    app.beginNear();
   };
 }
 
