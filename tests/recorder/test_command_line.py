@@ -356,6 +356,41 @@ def test_a_replay_says_who_ended_where(game):
     assert ["red", "6"] in lines
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["replay"],
+        ["render", "out.html"],
+        ["render", "out.svg"],
+        ["render", "out.gif"],
+        ["convert", "--team", "red", "out.ggr"],
+    ],
+    ids=" ".join,
+)
+def test_what_is_made_of_an_unfinished_recording_says_what_is_missing(game, tmp_path, arguments, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command, *rest = arguments
+    assert run(command, game, *rest).exit_code == 0
+    assert [Path(name).unlink() for name in rest if name.startswith("out")] == [None] * (len(rest) > 0)
+    game.write_bytes(game.read_bytes()[:-30])
+    with recorder.open(game) as recording:
+        assert "was not finished" in recording.warning
+        done = run(command, game, *rest)
+        assert done.exit_code == 1
+        assert f"gamms: {recording.warning}" in done.stderr
+        assert all(Path(name).exists() for name in rest if name.startswith("out"))
+        if "out.html" in rest:
+            assert recording.warning in Path("out.html").read_text()
+
+
+def test_a_difference_from_an_unfinished_recording_says_so(game, tmp_path):
+    other = tmp_path / "other.ggr"
+    other.write_bytes(game.read_bytes()[:-30])
+    done = run("diff", game, other)
+    assert f"{other}: This recording was not finished" in done.stderr
+    assert str(game) not in done.stderr
+
+
 def test_version_2_is_replayed_too():
     done = run("replay", SAMPLES / "aerial.ggr")
     assert done.exit_code == 0

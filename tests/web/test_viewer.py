@@ -416,6 +416,17 @@ def test_a_notebook_shows_the_viewer_in_a_frame_that_reaches_nothing_of_it(chrom
     assert chromium.value("document.querySelector('iframe').contentDocument") is None
 
 
+def test_an_unfinished_recording_is_said_to_be_so(chromium, game, tmp_path):
+    (tmp_path / "cut.ggr").write_bytes(game.read_bytes()[:-40])
+    with recorder.open(tmp_path / "cut.ggr") as cut, recorder.open(game) as whole:
+        cut.save(tmp_path / "cut.html")
+        (tmp_path / "two.html").write_bytes(web.page_of_two(whole, cut, names=("whole", "cut")))
+        warning = cut.warning
+    shown = "[...document.querySelectorAll('.head .warning')].map((one) => one.textContent)"
+    for name, said in (("cut", [warning]), ("two", [f"cut: {warning}"])):
+        assert chromium.open(tmp_path / f"{name}.html").value(shown) == said
+
+
 def test_a_damaged_recording_is_said_to_be_so(chromium, game, tmp_path):
     with recorder.open(game) as recording:
         text = web.page(recording).decode()

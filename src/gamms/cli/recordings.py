@@ -68,6 +68,9 @@ def diff(
     with recorder.open(first) as one, recorder.open(second) as other:
         turns = one.turns
         found = recordings.first_difference(one, other)
+        for path, recording in ((first, one), (second, other)):
+            if recording.warning is not None:
+                echo(f"gamms: {path}: {recording.warning}", err=True)
         if html is not None:
             from gamms.web import page_of_two
 
@@ -110,7 +113,7 @@ def convert(
         with with_map(file) as ctx:
             echo(f"Wrote {in_words(ctx.graph.export(out))}.")
         return
-    made, warning = _converted(file, out, map, turn_seconds) if team is None else ([_cut(file, out, team)], None)
+    made, warning = _converted(file, out, map, turn_seconds) if team is None else _cut(file, out, team)
     echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
     if warning:
         echo(f"gamms: {warning} Everything before was converted.", err=True)
@@ -140,15 +143,15 @@ def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> 
     return [out if form == ".ggr" else Path(f"{out}.ggr")], recordings.to_version_3(file, out, map)
 
 
-def _cut(file: Path, out: Path, team: str) -> Path:
-    """Write a team's view of a recording; return the path."""
+def _cut(file: Path, out: Path, team: str) -> tuple[list[Path], str | None]:
+    """Write a team's view of a recording; return the path, and a warning if the recording is incomplete."""
     from gamms import recorder, recordings
 
     if out.suffix.lower() not in (".ggr", ""):
         raise BadValue(f"--team writes a recording: give a .ggr instead of {str(out)!r}, then convert it.")
     with recorder.open(file) as recording:
         recordings.with_sensed(recording).cut(out, team)
-    return out if out.suffix else Path(f"{out}.ggr")
+        return [out if out.suffix else Path(f"{out}.ggr")], recording.warning
 
 
 def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float) -> None:
@@ -218,9 +221,7 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
         _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
             ctx.visual.stay_open()
-    if warning:
-        echo(f"gamms: {warning}", err=True)
-        raise typer.Exit(1)
+    _refuse_unfinished(warning or _missing_of(file))
 
 
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
@@ -303,6 +304,24 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         shown = rendering.render(file, out, options, map=map, show=show)
     is_film = out.suffix.lower() in (".mp4", ".gif", ".html")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
+    _refuse_unfinished(_missing_of(file))
+
+
+def _missing_of(file: Path) -> str | None:
+    """Return what an unfinished recording of version 3 lacks; None if it is complete, or older."""
+    from gamms import recorder, recordings
+
+    if recordings.version_of(file) < 3:
+        return None
+    with recorder.open(file) as recording:
+        return recording.warning
+
+
+def _refuse_unfinished(warning: str | None) -> None:
+    """Print what a recording lacks, and exit with code 1; None: it is complete."""
+    if warning is not None:
+        echo(f"gamms: {warning}", err=True)
+        raise typer.Exit(1)
 
 
 def _of_version_3(file: Path) -> dict[str, Any]:

@@ -52,6 +52,8 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
         RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
     look = _checked(options, as_recording(recording, "page").turns, recording.title)
+    if recording.warning is not None:
+        look["warnings"] = [recording.warning]
     return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
 
 
@@ -73,6 +75,9 @@ def page_of_two(
     look = _checked(options, turns, f"{names[0]} and {names[1]}")
     found = first_difference(first, second)
     look |= {"names": list(names), **({} if found is None else {"parts": found.turn})}
+    pairs = zip(names, (first, second), strict=True)
+    warnings = [f"{name}: {one.warning}" for name, one in pairs if one.warning is not None]
+    look |= {"warnings": warnings} if warnings else {}
     recordings = [_rewritten(one, options.get("audience")) for one in (first, second)]
     return _assembled(look, options.get("still"), recordings)
 

@@ -16,7 +16,7 @@ const EDGE_PX = 24; // from the edge of the map that is in view to an agent that
 const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
 
-/** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, sensors?: boolean, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
+/** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, sensors?: boolean, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number, warnings?: string[]}} Options `warnings`: what is missing in recordings */
 /** @typedef {{replay: Replay, scene: Scene, canvas: HTMLCanvasElement, label: HTMLElement | null}} View */
 
 export class App {

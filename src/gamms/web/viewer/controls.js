@@ -17,7 +17,7 @@ export class Controls {
     this.title = element("h1", { text: app.options.title || "A game" });
     this.teams = element("div", { class: "teams" });
     this.end = element("p", { class: "end" });
-    this.head = element("header", { class: "head card" }, this.title, app.options.audience ? element("p", { class: "audience", text: `As ${app.options.audience} saw it` }) : null, this.teams, this.end);
+    this.head = element("header", { class: "head card" }, this.title, app.options.audience ? element("p", { class: "audience", text: `As ${app.options.audience} saw it` }) : null, ...(app.options.warnings ?? []).map((text) => element("p", { class: "warning", role: "status", text })), this.teams, this.end);
     this.captions = element("div", { class: "captions", role: "log", "aria-live": "polite", "aria-label": "What happens" });
     this.playButton = iconButton("play", "Play (space)", () => (app.isPlaying ? app.pause() : app.play()), { class: "play" });
     this.range = element("input", { type: "range", min: 0, max: 1, step: 1, value: 0, "aria-label": "Turn", on: { input: () => this.#dragged() } });
