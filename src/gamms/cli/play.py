@@ -243,7 +243,7 @@ def _draw_scenery(game: "Scenario", ctx: "Context") -> None:
     if ctx.is_terminated():
         return
     try:
-        scenery = scenery_for_pictures(game, ctx)
+        scenery = scenery_for_pictures(game.spec.map, game.to_dict()["map"], game.folder, ctx)
     except (GammsError, OSError) as error:
         echo(f"gamms: The pictures show streets only. {reason(error)}", err=True)
         return

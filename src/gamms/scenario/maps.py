@@ -4,7 +4,6 @@ import logging
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gamms import osm
 from gamms.context import Context, create_context
@@ -17,9 +16,6 @@ from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
 from gamms.text import shown
-
-if TYPE_CHECKING:
-    from gamms.scenario.scenario import Scenario
 
 _OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
@@ -162,18 +158,24 @@ def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> Non
         ctx.graph.graph.scenery = osm.scenery_from_file(file, ctx, buildings=not given.buildings)
 
 
-def scenery_for_pictures(game: "Scenario", ctx: Context) -> Scenery | None:
+def scenery_for_pictures(map: Map, given: Values, folder: Path | None, ctx: Context) -> Scenery | None:
     """Return the buildings, parks and water around a built game whose scenario does not say whether they are drawn.
 
     They are read from the file of the map, for pictures: the map of the game, and of its recording, is without them.
     None: the scenario says so, or the map is no OpenStreetMap file.
 
+    Args:
+        map: the map.
+        given: the keys of the map as the scenario has them.
+        folder: the folder of the scenario.
+        ctx: the context of the game.
+
     Raises:
         BadValue: there is too much scenery around the streets.
     """
-    given = game.to_dict()["map"].get("file")
-    file = map_file(game.spec.map, game.folder)
-    if file is None or (isinstance(given, Mapping) and "scenery" in given):
+    file = map_file(map, folder)
+    of_file = given.get("file")
+    if file is None or (isinstance(of_file, Mapping) and "scenery" in of_file):
         return None
     if file.suffix == ".gamms" or osm.is_geojson(file):
         return None

@@ -164,7 +164,7 @@ class WindowEngine(WindowNames, PictureEngine):
             **dict.fromkeys(("MINUS", "KP_MINUS"), lambda: pace.faster(-1)),
             **dict.fromkeys(("0", "KP0"), self.see_everything),
             "h": overlay.hud.toggle,
-            **dict.fromkeys(("F1", "QUESTION"), overlay.hud.toggle_help),
+            **dict.fromkeys(("F1", "QUESTION", "SLASH"), overlay.hud.toggle_help),  # ? is shift and / on many keyboards
             "l": overlay.toggle_labels,
             "t": overlay.toggle_trails,
             "n": self.toggle_theme,
