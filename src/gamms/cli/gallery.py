@@ -4,7 +4,7 @@ import json
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
@@ -180,10 +180,9 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
     with TemporaryDirectory() as scratch:
         result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"))
         turn = result.turns // 3
-        still, dark = (
-            _still(Path(scratch) / "game.ggr", folder / file, turn, theme)
-            for file, theme in ((name, "light"), (f"{name}_dark", "dark"))
-        )
+        recording = Path(scratch) / "game.ggr"
+        still = _still(recording, folder / name, turn, "light")
+        dark = _still(recording, folder / f"{name}_dark", turn, "dark")
     texts: dict[str, Any] = {
         "name": name,
         "still": still.name,
@@ -199,7 +198,7 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
     return _CARD.format(**{key: escape(str(text)) for key, text in texts.items()}, about=paragraphs)
 
 
-def _still(recording: Path, file: Path, turn: int, theme: Any) -> Path:
+def _still(recording: Path, file: Path, turn: int, theme: Literal["light", "dark"]) -> Path:
     """Write a picture of where the agents are after a turn, as PNG if Pillow is installed, else as SVG; return it."""
     from gamms.rendering import RenderOptions, render
 

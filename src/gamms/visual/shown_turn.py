@@ -247,7 +247,9 @@ class LastMoves:
             return None
         return np.array([*left, *entered])[:, 1:]
 
-    def _part(self, place: Any, of: Callable[[float], tuple[float, float]]) -> list[tuple[float, float, float]]:
+    def _part(
+        self, place: Progress | int, of: Callable[[float], tuple[float, float]]
+    ) -> list[tuple[float, float, float]]:
         """Return the corners of a part of the agent's edge, (share, x, y) each; on a node, its position.
 
         `of` returns the part, given the agent's share of the edge.
