@@ -179,6 +179,19 @@ def test_in_a_frame_a_slim_map_begins_with_the_agent_that_most_happens_to(chromi
         assert page.value("gamms.isFollowing") is is_followed
 
 
+@pytest.mark.parametrize("shape", [(4, 12), (12, 4), (1, 20)])
+@pytest.mark.parametrize("size", [(390, 844), (844, 390)])
+def test_a_slim_map_that_is_seen_whole_stays_whole_on_phones(chromium, tmp_path, shape, size):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(*shape))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.stay)
+        ctx.game.run(max_turns=2, record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        recording.save(tmp_path / "game.html")
+    page = chromium.open(tmp_path / "game.html", *size)
+    assert page.value("[gamms.isFollowing, gamms.views[0].scene.camera.isFitted]") == [False, True]
+
+
 @pytest.mark.parametrize("size", [(1280, 720), (800, 600), (390, 844), (345, 416)])
 @pytest.mark.parametrize("has_panel", [False, True])
 def test_the_source_of_the_map_can_be_read(chromium, tmp_path, size, has_panel):
@@ -214,6 +227,7 @@ def test_the_panel_stands_beside_the_map_and_what_is_selected_stays_in_view(chro
     )
     panel = "document.querySelector('.panel').getBoundingClientRect()"
     box = f"(({{left, top, right, bottom}}) => [left, top, right, bottom])({panel})"
+    page.settle()
     whole = page.value(discs)
     page.value("gamms.panel.open()")
     page.settle()

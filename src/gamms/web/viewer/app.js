@@ -257,22 +257,18 @@ export class App {
 
   /** Follow the selected agent from some hundred metres. */
   #lookCloser() {
-    for (const { scene } of this.views) {
-      const { camera, world } = scene;
-      const wanted = Math.min(camera.width, camera.height) / (world.isMetric ? 400 : 30 * world.unit);
-      if (camera.scale < wanted) camera.zoom(wanted / camera.scale);
-    }
+    for (const { scene } of this.views) if (scene.camera.scale < scene.closeScale) scene.camera.zoom(scene.closeScale / scene.camera.scale);
     this.movedAt = performance.now();
   }
 
-  /** In a frame of another page, and on phones, follow an agent if the whole map would be a stamp. */
+  /** In a frame of another page, and on phones, follow an agent if the whole map would be a stamp, and is larger than what is seen then. */
   beginNear() {
     const isSmall = IS_FRAMED || Math.min(this.root.clientWidth, this.root.clientHeight) < PHONE_PX;
-    const [{ replay, scene: { camera } }] = this.views, { box, insets } = camera;
+    const [{ replay, scene: { camera, closeScale } }] = this.views, { box, insets } = camera;
     const shown = [(box.right - box.left) * camera.scale, (box.top - box.bottom) * camera.scale];
     const free = [camera.width - insets.left - insets.right, camera.height - insets.top - insets.bottom];
     const isStamp = Math.min(shown[0] / free[0], shown[1] / free[1]) < STAMP && Math.max(...shown) > SLIM * Math.min(...shown);
-    if (!isSmall || !isStamp || this.isFollowing || !camera.isFitted) return;
+    if (!isSmall || !isStamp || camera.scale >= closeScale || this.isFollowing || !camera.isFitted) return;
     this.look.selected ??= replay.timeline.mostNamed(this.turn, replay.state.agents);
     this.isFollowing = this.look.selected !== null;
     if (this.isFollowing) this.#lookCloser();

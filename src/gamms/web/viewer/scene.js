@@ -130,6 +130,12 @@ export class Scene {
     this.to.drawImage(known.canvas, 0, 0, camera.width, camera.height);
   }
 
+  /** The scale at which the surroundings of an agent are seen, some hundred metres. */
+  get closeScale() {
+    const { camera, world } = this;
+    return Math.min(camera.width, camera.height) / (world.isMetric ? 400 : 30 * world.unit);
+  }
+
   /** Return where an agent is painted; undefined if it is not. @param {string} name */
   discOf(name) {
     return this.discs.find((disc) => disc.name === name);
