@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import gamms
@@ -92,16 +93,48 @@ def test_a_message_that_nobody_hears_is_a_ring_that_grows_and_fades(street):
 
     def rings(share):
         commands = ArtistGroup(street, {"messages": street.visual.artists.shown()["messages"]}).commands(share)
-        assert commands.points.tolist() == [[0.0, 0.0]]
-        return commands.size.tolist(), commands.color.tolist()
+        assert np.unique(commands.points, axis=0).tolist() == [[0.0, 0.0]]
+        [(*color, ink)] = np.unique(commands.color, axis=0).tolist()
+        assert tuple(color) == BLUE
+        return commands.size, ink
 
-    [first], [(*color, ink)] = rings(0.0)
-    [last], [(*_, faint)] = rings(1.0)
-    assert tuple(color) == BLUE
-    assert (first < last, ink > faint > 50) == (True, True)
+    first, ink = rings(0.0)
+    last, faint = rings(1.0)
+    assert ((first < last).all(), ink > faint > 50) == (True, True)
     [row] = legend_of_messages(street).rows
     assert row.name == "message that nobody hears"
     assert legend_of_messages(street, {"rita", "rob"}) is None
+
+
+@pytest.mark.parametrize("kind", list(gamms.agent.AgentType))
+@pytest.mark.parametrize("columns", [5, 200])  # so large and so small are the discs of agents
+@pytest.mark.parametrize("is_hidden", [False, True])
+def test_rings_of_messages_lie_outside_the_signs_of_agents(kind, columns, is_hidden):
+    def shout(state):
+        if state["name"] == "anna":
+            state["outbox"].append({"channel": "radio", "to": "ben", "body": 1})
+        state["action"] = state["curr_pos"] if kind == gamms.agent.AgentType.BASIC else (0.0, 0.0, 0.0)
+
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, columns))
+        aloft = {"speed": 1.0} if kind == gamms.agent.AgentType.AERIAL else {}
+        for node, (name, team) in enumerate({"anna": "red", "ben": "blue"}.items()):
+            eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+            ctx.agent.create_agent(
+                name, type=kind, start_node_id=node, team=team, strategy=shout, sensors=eyes, **aloft
+            )
+        ctx.game.add_channel("radio", range_m=30, loss=0.0 if is_hidden else 1.0)
+        ctx.game.step()
+        if is_hidden:
+            Fog(ctx, "blue").look()
+        picture = ctx.visual.picture(".svg", 800, 600, labels=False, scale_bar=False, legend=False).decode()
+    groups = re.findall(r'<g fill="(\w+|#\w+)"(.*?)>(.*?)</g>', picture)
+    sizes = [(ink, style, float(size)) for ink, style, circles in groups for size in re.findall(r' r="(.*?)"', circles)]
+    of_message = [size for ink, style, size in sizes if ink == "none" and "stroke-opacity" in style]
+    inks = {f"#{bytes(color).hex()}" for color in (BLUE, RED)}
+    of_agents = [size for ink, _, size in sizes if ink in inks]
+    of_flyers = [size for ink, style, size in sizes if ink == "none" and "stroke-opacity" not in style]
+    assert max(of_message) > 2.0 + max(of_agents + of_flyers)
 
 
 def test_messages_of_agents_that_are_gone_are_left_out(street):

@@ -114,6 +114,7 @@ class DefaultScene:
         artists: dict[str, IArtist] = {"tags": self._tags}
         if has_messages(self._ctx):
             artists["messages"] = Artist(self._ctx, render_messages, Layer.MESSAGES)
+            artists["messages"].data = {"size": self._mark}
         return artists
 
     def _renew_map(self) -> None:

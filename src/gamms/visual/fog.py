@@ -106,7 +106,8 @@ class Fog:
         if "messages" in artists:
             shown_messages = Artist(self._ctx, self._draw_messages, Layer.MESSAGES)
             kept["messages"] = shown_messages
-            shown_messages.data = {"legend": lambda ctx: legend_of_messages(ctx, self._own_names())}
+            data = data_of(artists["messages"])
+            shown_messages.data = data | {"legend": lambda ctx: legend_of_messages(ctx, self._own_names())}
         return kept | {"graph": self._streets_artist, "tags": self._tags} | self._sights
 
     def _may_show(self, artist: IArtist) -> bool:

@@ -9,20 +9,26 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.ir.messages import ARRIVALS
 from gamms.typing import IContext
-from gamms.visual.appearance import color_group
+from gamms.typing.agent_engine import AgentType
+from gamms.visual.appearance import Rgba, color_group
+from gamms.visual.drawers.agents import RING, RING_PX, rings
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 _MOST = 2000  # arcs
 _OLDEST = 200  # turns that a message may have been under way
 _LINE_PX = 2.0
-_RING_PX = 11.0
 # alpha of heard and of overheard messages
 _INK = 200
 _FAINT = 90
-# of the ring around the sender of a message that nobody hears: its radius, how it grows over the turn, and its alpha
-_UNHEARD_PX = 10.0
+# of the ring around an agent: how far it is beyond the disc, or the ring of a flyer, in radii of discs and at least
+_BEYOND = 0.25
+_BEYOND_PX = 4.0
+_DISC_PX = 6.0  # the least radius of a disc
+# how the ring grows over the turn around the sender of a message that nobody hears
+_WIDER = 0.15
 _WIDER_PX = 6.0
+# alpha of this ring, and what it loses over the turn
 _UNHEARD_INK = 230
 _FADED = 160
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
@@ -39,8 +45,9 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the messages that arrive after the moves of this turn, in the colors of the senders.
 
     A message sent in this turn that nobody hears is a ring around its sender, which grows and fades over the turn.
-    `data` may have `of`, names of agents: only messages that these send, hear or overhear are shown; and `hidden`,
-    names of agents: a message from a hidden agent is a ring around its receiver.
+    `data` may have `of`, names of agents: only messages that these send, hear or overhear are shown; `hidden`,
+    names of agents: a message from a hidden agent is a ring around its receiver; and `size`, the radius of agents in
+    world units: rings lie outside their discs.
     """
     visual = drawing_of(ctx)
     agents = ctx.agent.agents
@@ -52,15 +59,23 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
         color = (*visual.color_of(color_group(agents[sender])), _FAINT if is_overheard else _INK)
         end = visual.position_of(receiver, alpha)
         if sender in hidden:
-            visual.render_circles([end], _RING_PX, color, _LINE_PX, in_pixels=True)
+            _ring(ctx, data, receiver, color)
         else:
             arc = _arc(visual.position_of(sender, alpha), end)
             visual.render_lines(arc, [0, len(arc)], color, _LINE_PX)
     for sender in islice(_unheard(ctx, data.get("of")), _MOST):
         if sender in agents and sender not in hidden:
             color = (*visual.color_of(color_group(agents[sender])), round(_UNHEARD_INK - _FADED * alpha))
-            radius = _UNHEARD_PX + _WIDER_PX * alpha
-            visual.render_circles([visual.position_of(sender, alpha)], radius, color, _LINE_PX, in_pixels=True)
+            _ring(ctx, data, sender, color, alpha)
+
+
+def _ring(ctx: IContext, data: dict[str, Any], name: str, color: Rgba, grown: float = 0.0) -> None:
+    """Draw a ring around an agent, outside its disc, that has grown by a share of all that it grows."""
+    flies = ctx.agent.agents[name].type == AgentType.AERIAL
+    radius = (RING if flies else 1.0) + _BEYOND + _WIDER * grown
+    least_px = (RING_PX if flies else _DISC_PX) + _BEYOND_PX + _WIDER_PX * grown
+    place = drawing_of(ctx).position_of(name, data.get("_alpha", 1.0))
+    rings(ctx, [place], radius * data.get("size", 0.0), color, least_px, _LINE_PX)
 
 
 def _unheard(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:

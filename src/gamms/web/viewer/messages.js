@@ -5,7 +5,7 @@ const HEIGHT = 0.12; // of an arc, in lengths of the way
 const MOST = 2000;
 const HEARD = 0, OVERHEARD = 1, UNHEARD = 3; // fates
 const ALPHAS = [0.8, 0.45];
-const RING_PX = 4, WIDER_PX = 6, RING_ALPHA = 0.9, FADED = 0.6, FLYER = 1.8; // of the ring around a sender: beyond its disc or the ring of a flyer, growing over the turn as it fades
+const RING_PX = 4, WIDER_PX = 6, RING_ALPHA = 0.9, FADED = 0.6, FLYER = 1.8; // of the ring around an agent: beyond its disc or the ring of a flyer; around a sender it grows over the turn and fades
 
 /** @typedef {import("./scene.js").Scene} Scene */
 
@@ -21,9 +21,9 @@ export function paintMessages(to, scene, look, share) {
   };
   for (const { sender, receiver, fate } of scene.replay.state.messages.slice(0, MOST)) {
     const from = discs.get(sender ?? ""), end = discs.get(receiver ?? ""), isHeard = fate <= OVERHEARD;
-    if (fate === UNHEARD && from !== undefined && isOwn(sender)) ring(to, from, (from.way.agent.flies ? FLYER : 1) * from.radius + RING_PX + WIDER_PX * share, faded(from.color, RING_ALPHA - FADED * share));
+    if (fate === UNHEARD && from !== undefined && isOwn(sender)) ring(to, from, WIDER_PX * share, faded(from.color, RING_ALPHA - FADED * share));
     if (end === undefined || !((isOwn(sender) && fate !== OVERHEARD) || (isOwn(receiver) && isHeard))) continue;
-    if (from === undefined && isHeard) ring(to, end, 11, "#808080");
+    if (from === undefined && isHeard) ring(to, end, 0, "#808080");
     else if (from !== undefined && isHeard) arc(to, from, end, faded(from.color, ALPHAS[fate]), fate === HEARD ? [] : [3, 5]);
     else if (from !== undefined) lost(to, from, end);
   }
@@ -70,11 +70,11 @@ function bend(from, end) {
   return [from.px + dx / 2 + 2 * HEIGHT * dy, from.py + dy / 2 - 2 * HEIGHT * dx];
 }
 
-/** @param {CanvasRenderingContext2D} to @param {End} around @param {number} radius @param {string} color */
-function ring(to, { px, py }, radius, color) {
+/** @param {CanvasRenderingContext2D} to @param {import("./scene.js").Disc} around @param {number} wider @param {string} color */
+function ring(to, { px, py, radius, way }, wider, color) {
   to.strokeStyle = color;
   to.lineWidth = 2;
   to.beginPath();
-  to.arc(px, py, radius, 0, 2 * Math.PI);
+  to.arc(px, py, (way.agent.flies ? FLYER : 1) * radius + RING_PX + wider, 0, 2 * Math.PI);
   to.stroke();
 }
