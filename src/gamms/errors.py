@@ -36,7 +36,7 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any, NoReturn
 
@@ -111,11 +111,15 @@ class UnknownAttribute(GammsError, AttributeError):
 
     @staticmethod
     def hint_of(error: BaseException) -> str:
-        """Return the names most like the one that an object or module of GAMMS lacks, else the first few; else ""."""
+        """Return how to read a key that was read as an attribute, or the names most like an unknown name; else ""."""
         if type(error) is ImportError and (module := sys.modules.get(str(error.name))) is not None:
             quoted = str(error).split("'")
             return nearest(quoted[1], dir(module)) if quoted[0] == "cannot import name " else ""
-        if type(error) is not AttributeError or not type(error.obj).__module__.startswith("gamms."):
+        if type(error) is not AttributeError:
+            return ""
+        if isinstance(error.obj, Mapping) and error.name in error.obj:
+            return f" It is a key: write [{error.name!r}]."
+        if not type(error.obj).__module__.startswith("gamms."):
             return ""
         return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 

@@ -1,5 +1,6 @@
 """Collect the decisions of one turn from strategies, plans and awaitables."""
 
+import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
@@ -187,10 +188,33 @@ class _Question(NamedTuple):
         return list(self.given.values()) if self.is_plan else [self.given]
 
 
-def _meant_key(question: _Question, error: BaseException) -> str:
-    """Return a hint for a strategy that reads a sensor, a key of the state, or an attribute under a misspelt name."""
+_PAIR_ERRORS = re.compile(r"tuple indices must be|SensorType|'tuple' object")  # of code that takes a pair for data
+
+
+def _hint_of(question: _Question, error: BaseException) -> str:
+    """Return a hint for a strategy or plan that has raised an error: what it probably meant."""
+    return _pair_hint(question, error) or _key_hint(question, error) or UnknownAttribute.hint_of(error)
+
+
+def _pair_hint(question: _Question, error: BaseException) -> str:
+    """Return a hint for code that uses the value of a sensor, the pair (kind, data), as its data."""
+    states = [state for state in question.states() if state is not None]
+    sensed = [(name, pair) for state in states for name, pair in (state.get("sensor") or {}).items()]
+    if type(error) is AttributeError:
+        names = [name for name, pair in sensed if pair is error.obj]
+    elif type(error) is TypeError and _PAIR_ERRORS.search(str(error)):
+        names = [name for name, _ in sensed]
+    else:
+        names = []
+    if not names:
+        return ""
+    return f" A sensor gives the pair (kind, data): write _, seen = state['sensor'][{shown(names[0])}]."
+
+
+def _key_hint(question: _Question, error: BaseException) -> str:
+    """Return a hint for a strategy that reads a sensor or a key of the state under a misspelt name."""
     if question.is_plan or type(error) is not KeyError or not error.args:
-        return UnknownAttribute.hint_of(error)
+        return ""
     key = error.args[0]
     sensors = question.given.get("sensor") or {}
     if nearest(key, sensors):
@@ -416,7 +440,7 @@ class Decisions:
             else:
                 self._decide(i, action)
         else:
-            self._refuse(i, IllegalAction.missing(self._legality.reachable(slot, here)))
+            self._refuse(i, IllegalAction.missing(self._legality.reachable(slot, here), state))
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle an error of a strategy: raise it, or use the default action, depending on the settings."""
@@ -537,7 +561,7 @@ class Decisions:
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_meant_key(question, error)}")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_hint_of(question, error)}")
             raise error
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 

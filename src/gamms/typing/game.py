@@ -315,6 +315,10 @@ class AerialState(_AgentState[Position, tuple[float, float, float] | FloatArray 
     """The rotation `(w, x, y, z)` as a unit quaternion."""
 
 
+STATE_KEYS = frozenset(name for kind in (_AgentState, State, AerialState) for name in kind.__annotations__) - {"node"}
+"""The keys of states."""
+SET_BY_STRATEGIES = ("action", "outbox", "memory", "team_memory")
+"""The keys of states that a strategy sets or writes into."""
 for _class in (_AgentState, State, AerialState):
     for _name in _class.__annotations__:
         setattr(_class, _name, StateKey("curr_pos" if _name == "node" else _name))

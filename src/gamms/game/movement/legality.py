@@ -1,6 +1,6 @@
 """Check the actions of agents, and find the moves that they lead to."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import chain, pairwise
 from math import nan
 from typing import Any
@@ -19,7 +19,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.progress import Progress
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
-from gamms.typing.game import Track
+from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Track
 
 _MORE_NODES = 3  # room in addition to the nodes of a path
 
@@ -111,9 +111,18 @@ class IllegalAction(GammsError, ValueError):
     """An action is malformed or not legal."""
 
     @classmethod
-    def missing(cls, legal: Sequence[int]) -> "IllegalAction":
-        """Return the error for an agent that has set no action; `legal` are the ids of its legal nodes."""
-        return cls(f"state['action'] was not set (what is returned does not count); legal are {[*legal]}")
+    def missing(cls, legal: Sequence[int], state: Iterable[str]) -> "IllegalAction":
+        """Return the error for an agent that has set no action; it names a key that was set instead.
+
+        Args:
+            legal: the ids of its legal nodes.
+            state: the keys of its state.
+        """
+        said = f"state['action'] was not set (what is returned does not count); legal are {[*legal]}"
+        unknown = next((key for key in state if key not in STATE_KEYS), None)
+        return cls(
+            said if unknown is None else f"{said}. {UnknownName('key of the state', unknown, SET_BY_STRATEGIES)}"
+        )
 
 
 class Legality:
