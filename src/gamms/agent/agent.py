@@ -446,7 +446,7 @@ class Agent(BaseAgent):
             heading = heading_in(action)
             node = self._known(action["node_id"])
         else:
-            node = self._known(as_node(action))
+            node = self._known(as_node(action, self._ctx.graph.graph))
         self._block.move(self._row, node)
         if heading != ():
             self._set("heading", heading)

@@ -242,9 +242,10 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """
         team = as_name(name, "a team")
         carried = listed(sensors)
-        nodes = starts_in(start_node_ids, are_made=bool(carried) or not self._block.journal.is_silent)
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
+        are_made = bool(carried) or not self._block.journal.is_silent
+        nodes = starts_in(start_node_ids, self._ctx.graph.graph, are_made=are_made)
         names = tuple([f"{team}_{number}" for number in range(len(nodes))])
         taken = next((one for one in names if one in self._agents), None)
         if taken is not None:

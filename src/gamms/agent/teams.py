@@ -10,19 +10,19 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, BaseAgent
-from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
+from gamms.arguments import as_array, as_bool, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
 from gamms.deciding import ContextPart, copied_part, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, without
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, as_node_ids
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import LookResults
 from gamms.kernels.draws import BitArray
 from gamms.limits import max_memory, refuse_above
 from gamms.text import printable_line, shown
-from gamms.typing import IContext
+from gamms.typing import IContext, IGraph
 from gamms.typing.actions import as_heading, strategy_in
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
@@ -406,7 +406,7 @@ class Team(ContextPart):
             BadValue: a node is not legal, or the number of nodes is wrong; no member has moved.
         """
         phase_of(self._ctx).refuse(f"move team {self.name!r}")
-        wanted = np.array(as_ids(node_ids, "node_ids"), np.int64)
+        wanted = np.array(as_node_ids(node_ids, "node_ids", self._ctx.graph), np.int64)
         alive = self.alive
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
@@ -510,8 +510,8 @@ def _read_only(values: Column) -> Column:
     return values
 
 
-def starts_in(given: object, *, are_made: bool) -> list[int]:
-    """Return the start nodes of a team's members, from any collection of ids.
+def starts_in(given: object, graph: IGraph, *, are_made: bool) -> list[int]:
+    """Return the start nodes of a team's members, from any collection of ids of nodes of a graph.
 
     Raises:
         BadType, BadValue: the starts are not a list of integers.
@@ -528,7 +528,7 @@ def starts_in(given: object, *, are_made: bool) -> list[int]:
     except OverflowError:  # a range of more than 64 bits
         count = 1 << 63
     refuse_above(count * each, f"A team of {count}{more} agents, of which {most} would fit,")
-    return as_ids(given, "start_node_ids")
+    return as_node_ids(given, "start_node_ids", graph)
 
 
 def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[str, Any]]) -> None:

@@ -22,12 +22,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_context, as_count, as_int, as_mapping
+from gamms.arguments import as_context, as_count, as_mapping
 from gamms.belief.ground import Arc, BeliefMap, belief_map_of
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.sensor_results import Coverage
 from gamms.plain import (
     ANYTHING,
@@ -379,9 +379,10 @@ def note(
         UnknownName (KeyError): the agent or the node does not exist.
         BadValue: the turn is in the future.
     """
-    where = as_int(node, f"node of agent {shown(name)}")
+    graph = as_context(ctx, "note").graph.graph
+    where = as_node_id(node, f"node of agent {shown(name)}", graph)
     now = required(state, "turn")
-    as_context(ctx, "note").graph.graph.get_node(where)
+    graph.get_node(where)
     agent = ctx.agent.get_agent(name)
     then = now if turn is None else as_count(turn, "turn of note", 0)
     if then > now:

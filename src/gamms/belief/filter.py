@@ -22,7 +22,7 @@ from gamms.belief.ground import BeliefMap, belief_map_of
 from gamms.belief.motion import Motion, MotionChain, as_motion, chain_of, evidence_of
 from gamms.core import belief as core
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
 from gamms.typing.game import NodeId
@@ -167,7 +167,7 @@ class Filter(StateProbabilities):
             UnknownName (KeyError): a node or target does not exist.
             BadType, BadValue: a probability is invalid.
         """
-        seen = self._ground.known_rows(np.array(as_ids(seen_nodes, "seen_nodes"), np.int64))
+        seen = self._ground.known_rows(np.array(as_node_ids(seen_nodes, "seen_nodes"), np.int64))
         given: object = detection_probability
         if isinstance(given, Iterable) and not isinstance(given, np.ndarray):
             given = [*given]

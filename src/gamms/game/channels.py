@@ -9,7 +9,6 @@ import numpy as np
 from gamms.arguments import (
     as_count,
     as_flag,
-    as_int,
     as_items,
     as_key,
     as_known,
@@ -22,7 +21,7 @@ from gamms.arguments import (
 from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.chances import as_chances
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.packing import to_bytes
 from gamms.kernels import buffer
@@ -157,8 +156,8 @@ def _jammer(value: object, name: str) -> Jammer:
     at = given.get("at")
     team = given.get("team")
     where: Any = None
-    if hasattr(at, "__index__"):
-        where = as_int(at, name)
+    if hasattr(at, "__index__") or isinstance(at, str):
+        where = as_node_id(at, f"The node of {name}")
     elif at is not None:
         where = tuple(as_numbers(at, name, "(x, y)"))
     agent = None if given.get("agent") is None else as_name(given["agent"], "a jammer")

@@ -21,7 +21,7 @@ from gamms.core.agents import MoveColumns
 from gamms.core.contacts import NodeNumbers
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import GraphColumns, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import as_code, shown
@@ -685,7 +685,7 @@ def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
             raise BadValue(f"{what} must be the name of an attribute of {kind}s, not an empty string.")
         return _in_attribute(capacity, kind)
     if isinstance(capacity, Mapping):
-        pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
+        pairs = ((as_node_id(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
         known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
         least = min(known.values(), default=UNLIMITED)
         return _CapacityLimits(least, partial(_rows_of_ids, known))

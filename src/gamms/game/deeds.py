@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from gamms.arguments import as_bool, as_float, as_int, as_key, as_known, as_mapping, as_text
 from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.ir.graph import as_node_id
 from gamms.plain import is_same, to_plain, why_not_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -26,7 +27,7 @@ def _team(value: object, name: str, ctx: HostContext) -> Any:
 
 
 def _node(value: object, name: str, ctx: HostContext) -> int:
-    node = as_int(value, name)
+    node = as_node_id(value, name, ctx.graph)
     return node if ctx.graph.graph.has_node(node) else _known(node, "node", name, ())
 
 

@@ -25,6 +25,7 @@ from gamms.graph.obstacles import Obstacles, checked_corners, checked_faces
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
+from gamms.ir.graph import labels
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.ir.projection import scale_fault
 from gamms.ir.scenery import Scenery
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+_DIGITS = 20  # of a label that may be a 64-bit number
 
 
 def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenate[GraphEngine, P], R]":
@@ -327,21 +330,25 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
                 (Web Mercator, or feet); `__cause__` has the reason, and nothing has changed.
         """
         graph = self.graph.attach_networkx_graph(G)
-        if (
-            not isinstance(G, IGraphSource)
-            and len(G) > 1
-            and not any("x" in data or "y" in data for _, data in G.nodes(data=True))
-        ):
+        if isinstance(G, IGraphSource):
+            return graph
+        if len(G) > 1 and not any("x" in data or "y" in data for _, data in G.nodes(data=True)):
             self._ctx.logger.warning(
                 f"None of the {len(G)} nodes has an x or y: all are at (0, 0), where edges have no length. "
                 "Set G.nodes[n]['x'] and G.nodes[n]['y'] before attaching."
+            )
+        numbers = [label for label in G if isinstance(label, str) and label.isdecimal() and len(label) < _DIGITS]
+        ids = self.networkx_labels() if numbers else {}
+        moved = next((label for label in numbers if ids[label] != int(label)), None)
+        if moved is not None:
+            self._ctx.logger.warning(
+                f"The networkx label {shown(moved)} is a text, and its node has the id {ids[moved]}. To keep the "
+                "numbers, attach nx.relabel_nodes(G, int)."
             )
         return graph
 
     def networkx_labels(self) -> dict[Any, int]:
         """Return a mapping from networkx label to id, for all nodes whose label is not an integer."""
-        from gamms.graph.networkx_bridge import labels
-
         return labels(self.graph.columns())
 
     @refused_while_deciding

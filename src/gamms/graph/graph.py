@@ -183,7 +183,7 @@ class Graph(Surface, Guarded, IGraph):
         nodes = self._store.nodes
         row = nodes.index.row(node_id) if type(node_id) is int else -1  # NOTE: saves 0.6 of 1.9 us for each look-up
         if row < 0:
-            row = nodes.find(records.as_id(node_id, "a node"))
+            row = nodes.find(records.as_id(node_id, "a node", self._store))
         xy = nodes.xy
         return Node(nodes.ids[row], xy[2 * row], xy[2 * row + 1])
 
@@ -196,7 +196,7 @@ class Graph(Surface, Guarded, IGraph):
     def update_node(self, node_data: dict[str, Any]) -> None:
         """Change the given keys of a node."""
         self._store.own()
-        id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
+        id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node", self._store)
         nodes = self._store.nodes
         row = self._store.nodes.find(id)
         x = nodes.xy[2 * row]
@@ -245,7 +245,7 @@ class Graph(Surface, Guarded, IGraph):
     @refused_while_deciding
     def remove_node(self, node_id: int) -> None:
         """Remove a node and its edges."""
-        self._store.remove_node(records.as_id(node_id, "a node"))
+        self._store.remove_node(records.as_id(node_id, "a node", self._store))
 
     @refused_while_deciding
     def remove_edge(self, edge_id: int) -> None:
@@ -268,7 +268,7 @@ class Graph(Surface, Guarded, IGraph):
 
     def get_neighbors(self, node_id: int) -> Iterator[int]:
         """Return unique targets of the edges leaving a node, in edge insertion order."""
-        return iter(self._store.indexes.neighbors(records.as_id(node_id, "a node")))
+        return iter(self._store.indexes.neighbors(records.as_id(node_id, "a node", self._store)))
 
     @property
     def neighborhoods(self) -> Neighborhoods:
@@ -278,14 +278,14 @@ class Graph(Surface, Guarded, IGraph):
 
     def has_node(self, node_id: int) -> bool:
         """Return whether a node with this id exists."""
-        return self._store.nodes.index.row(records.as_id(node_id, "a node")) >= 0
+        return self._store.nodes.index.row(records.as_id(node_id, "a node", self._store)) >= 0
 
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
         """Return the nodes and edges within `radius` of a node and inside its field of view."""
         nodes = self._store.nodes
-        row = nodes.find(records.as_id(node_id, "a node"))
+        row = nodes.find(records.as_id(node_id, "a node", self._store))
         x = nodes.xy[2 * row]
         y = nodes.xy[2 * row + 1]
         rows = self._rows_near(x, y, radius)
@@ -321,7 +321,7 @@ class Graph(Surface, Guarded, IGraph):
     def node_attributes(self, node_id: int) -> dict[str, Any]:
         """Return the attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""
         nodes = self._store.nodes
-        return self._phase.shown(nodes.attributes_of(nodes.find(records.as_id(node_id, "a node"))))
+        return self._phase.shown(nodes.attributes_of(nodes.find(records.as_id(node_id, "a node", self._store))))
 
     def edge_attributes(self, edge_id: int) -> dict[str, Any]:
         """Return the attributes of an edge beyond ends, length and linestring; a fresh dict (KeyError)."""
@@ -482,7 +482,7 @@ class Graph(Surface, Guarded, IGraph):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _rows(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> IntArray:
-        return self._store.nodes.index.rows(records.id_array(node_ids, "node_ids"), "node")
+        return self._store.nodes.index.rows(records.id_array(node_ids, "node_ids", self._store), "node")
 
     def _rows_near(self, x: float, y: float, radius: float) -> IntArray:
         radius = as_range(radius, "The radius")
@@ -501,7 +501,8 @@ class Graph(Surface, Guarded, IGraph):
             target = edge["target"]
         except KeyError as error:  # 1.0.0 raises KeyError here, and ValueError for other missing values
             raise MissingKey(f"Edge {id} needs the key {error}; got only {', '.join(map(shown, edge))}.") from None
-        ends = row_of(records.as_id(source, "a node")), row_of(records.as_id(target, "a node"))
+        of = self._store
+        ends = row_of(records.as_id(source, "a node", of)), row_of(records.as_id(target, "a node", of))
         if ends[0] < 0 or ends[1] < 0:
             raise UnknownName(f"node at the end of edge {id}:", source if ends[0] < 0 else target)
         return ends

@@ -15,7 +15,7 @@ from gamms.graph.export import plain_cell, shapes_of, wkt_of
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import LABEL, FloatArray, GraphColumns, IntArray
 from gamms.ir.projection import scale_fault, text_of
 from gamms.limits import GarbagePause, refuse_above
 from gamms.text import shown
@@ -24,8 +24,6 @@ from gamms.typing.map_storage import IGraphSource
 if TYPE_CHECKING:
     import networkx as nx
     from shapely import LineString
-
-LABEL = "networkx_label"  # attribute with the networkx label of a node, if the label could not be its id
 
 _NODE_COLUMNS = frozenset(("x", "y"))  # node data that become columns; all other data become attributes
 _EDGE_COLUMNS = frozenset(("id", "length", "linestring", "geometry"))
@@ -101,11 +99,6 @@ def _lines(columns: GraphColumns) -> "list[LineString]":
     shapes = shapes_of(columns)
     rows = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
     return geometry.line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
-
-
-def labels(columns: GraphColumns) -> dict[Hashable, int]:
-    """Return networkx label -> id, for every node whose label could not be its id."""
-    return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
 
 @names_keywords

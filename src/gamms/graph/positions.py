@@ -11,7 +11,7 @@ from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.store import GraphStore
 from gamms.ir import projection
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, label_hint
 from gamms.text import shown
 from gamms.typing.graph_values import Numbers
 
@@ -256,15 +256,16 @@ def _disc(
         x = store.nodes.xy[2 * row]
         y = store.nodes.xy[2 * row + 1]
     except TypeError:
-        x, y = _point(near)
+        x, y = _point(store, near)
     return x, y, as_range(radius, "radius")
 
 
-def _point(near: int | tuple[float, float]) -> tuple[float, float]:
+def _point(store: GraphStore, near: int | tuple[float, float]) -> tuple[float, float]:
     try:
         x, y = near  # type: ignore[misc] # the except is the check
     except (TypeError, ValueError):
-        raise BadType(f"near must be the id of a node or a pair (x, y), not {shown(near)}.") from None
+        hint = label_hint(near, store)
+        raise BadType(f"near must be the id of a node or a pair (x, y), not {shown(near)}.{hint}") from None
     return as_float(x, "x of near"), as_float(y, "y of near")
 
 

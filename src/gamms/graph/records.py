@@ -1,6 +1,6 @@
 """Check nodes and edges passed by callers, one or many, and split them into columns and attributes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf, isfinite, isnan
 from typing import Any
 
@@ -12,7 +12,7 @@ from gamms.arguments import as_array, as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph.tables import NodeTable, own
 from gamms.ir.geometry import points_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id, label_hint
 from gamms.text import shown
 
 NODE_KEYS = frozenset(("id", "x", "y"))
@@ -34,9 +34,12 @@ def required(record: Mapping[str, Any], key: str, kind: str) -> Any:
         raise BadType(f"{kind} must be given as a dict, not {shown(record)}.") from None
 
 
-def as_id(value: object, kind: str) -> int:
-    """Return an id as a plain int."""
-    return value if type(value) is int and -(2**63) <= value < 2**63 else as_int(value, f"The id of {kind}")
+def as_id(value: object, kind: str, store: object = None) -> int:
+    """Return an id as a plain int; for a node of a store, the error for a networkx label names its id."""
+    if type(value) is int and -(2**63) <= value < 2**63:
+        return value
+    name = f"The id of {kind}"
+    return as_int(value, name) if store is None else as_node_id(value, name, store)
 
 
 def as_text(value: object, name: str) -> str | None:
@@ -85,14 +88,24 @@ def extras(record: dict[str, Any], keys: frozenset[str]) -> dict[str, Any]:
     return given
 
 
-def id_array(values: ArrayLike, name: str) -> IntArray:
+def id_array(values: ArrayLike, name: str, store: object = None) -> IntArray:
     """Return ids as an array (ids,).
+
+    Args:
+        values: the ids.
+        name: their name in messages.
+        store: the store of which they are nodes, so that the error for a networkx label names its id.
 
     Raises:
         BadType: the values are not integers.
         BadValue: the array is not one-dimensional.
     """
-    array = as_array(values, name, "integers")
+    try:
+        array = as_array(values, name, "integers")
+    except BadType as error:
+        given = [values] if isinstance(values, str) or not isinstance(values, Iterable) else values
+        hints = () if store is None else filter(None, (label_hint(one, store) for one in given))
+        raise BadType(f"{error}{next(iter(hints), '')}") from None
     if array.ndim != 1:
         raise BadValue(f"{name} must be one-dimensional, not of shape {array.shape}.")
     if array.dtype.kind == "u" and array.size and int(array.max()) >= 2**63:

@@ -82,11 +82,11 @@ class CachedRoutes(Routes):
         if not isinstance(nodes, Iterable):
             return np.array([self.row(nodes)])
         ids = nodes if isinstance(nodes, np.ndarray | str) else list(nodes)
-        return self._store.nodes.index.rows(records.id_array(ids, name), "node")
+        return self._store.nodes.index.rows(records.id_array(ids, name, self._store), "node")
 
     def row(self, node_id: int) -> int:
         """Return the row of a node (KeyError)."""
-        return self._store.nodes.find(records.as_id(node_id, "a node"))
+        return self._store.nodes.find(records.as_id(node_id, "a node", self._store))
 
     def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
         """Return a mapping row -> next row on the path to row `end`, for the whole graph or for this path only."""

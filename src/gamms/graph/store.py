@@ -42,7 +42,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         self.pop(id, None)
 
     def __missing__(self, id: int) -> tuple[int, ...]:
-        id = records.as_id(id, "a node")
+        id = records.as_id(id, "a node", self._store)
         made = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
         self[id] = made
         return made

@@ -40,10 +40,13 @@ class MapFingerprint:
     """The nodes and faces of a visibility table, to check whether they are unchanged.
 
     Other changes of the graph, for example closed roads, do not matter.
+
+    Attributes:
+        store: the graph.
     """
 
     def __init__(self, store: GraphStore, obstacles: Obstacles) -> None:
-        self._store = store
+        self.store = store
         self._obstacles = obstacles
         self._revisions = self._revisions_now()
         self._is_current = True
@@ -58,7 +61,7 @@ class MapFingerprint:
         """Whether the nodes and faces are unchanged."""
         now = self._revisions_now()
         if now != self._revisions:
-            is_same = _digest(*_nodes_of(self._store)) == self._nodes
+            is_same = _digest(*_nodes_of(self.store)) == self._nodes
             if is_same and now[1] != self._revisions[1]:
                 is_same = _digest(self._obstacles.columns().corners) == self._faces
             self._revisions = now
@@ -71,7 +74,7 @@ class MapFingerprint:
         return sha256(b"".join(parts)).digest()
 
     def _revisions_now(self) -> tuple[int, int]:
-        return self._store.revision, self._obstacles.revision
+        return self.store.revision, self._obstacles.revision
 
 
 def _nodes_of(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
@@ -151,7 +154,7 @@ class Visibility(Shareable, IVisibility):
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._seen(self._row(observer_id))] = True
         asked = ids if isinstance(ids, np.ndarray) else list(ids)
-        return is_seen[self._index.rows(records.id_array(asked, "ids"), "node")]
+        return is_seen[self._index.rows(records.id_array(asked, "ids", self._fingerprint.store), "node")]
 
     def from_node(self, node_id: int) -> IntArray:
         """Return the ids of the nodes that are visible from a node, itself included."""
@@ -191,7 +194,7 @@ class Visibility(Shareable, IVisibility):
 
     def _row(self, node_id: int) -> int:
         self._refuse_outdated()
-        row = self._index.row(records.as_id(node_id, "a node"))
+        row = self._index.row(records.as_id(node_id, "a node", self._fingerprint.store))
         if row < 0:
             raise UnknownName("node", node_id)
         return row
@@ -202,7 +205,7 @@ class Visibility(Shareable, IVisibility):
     def _is_covered(self, node_ids: NodeIds) -> BoolArray:
         self._refuse_outdated()
         asked = list(node_ids) if isinstance(node_ids, Iterable) else [node_ids]
-        ids = np.array([records.as_id(id, "a node") for id in asked], np.int64)
+        ids = np.array([records.as_id(id, "a node", self._fingerprint.store) for id in asked], np.int64)
         is_covered = np.zeros(len(self), np.bool_)
         for row in self._index.rows(ids, "node").tolist():
             is_covered[self._seen(row)] = True

@@ -1,14 +1,17 @@
-"""The road network as columns, for kernels and drawers."""
+"""The road network as columns, for kernels and drawers; and ids of its nodes that callers pass."""
 
 from abc import abstractmethod
-from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
+from collections.abc import Callable, Hashable, ItemsView, Iterator, Mapping, Sequence, ValuesView
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
+from gamms.arguments import as_ids, as_int, as_items
+from gamms.errors import BadType, nearest
 from gamms.readonly import ReadOnlyMapping, locked
+from gamms.text import shown
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
@@ -288,3 +291,67 @@ def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:
         known = lengths.get((source, target))
         lengths[source, target] = length if known is None else min(known, length)
     return lengths
+
+
+# -- ids of nodes passed by callers ---------------------------------------------------------------------------------
+
+LABEL = "networkx_label"  # attribute with the networkx label of a node, if the label could not be its id
+_WAY_OUT = "ctx.graph.networkx_labels() gives the id of each networkx label."
+
+
+def labels(columns: GraphColumns) -> dict[Hashable, int]:
+    """Return networkx label -> id, for every node whose label could not be its id."""
+    return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
+
+
+def as_node_id(value: object, name: str, graph: object = None) -> int:
+    """Return the id of a node as a plain int; the error for a networkx label says where its id is.
+
+    Args:
+        value: the value.
+        name: its name in messages.
+        graph: the graph of the node, its engine or its store, which may have `columns()`; None: it is not known here.
+
+    Raises:
+        BadType: `value` is not an integer.
+        BadValue: it does not fit into 64 bits.
+    """
+    try:
+        return as_int(value, name)
+    except BadType as error:
+        raise BadType(f"{error}{label_hint(value, graph)}") from None
+
+
+def as_node_ids(values: object, name: str, graph: object = None) -> list[int]:
+    """Return a list of node ids, as `as_ids` does; errors are those of `as_node_id`.
+
+    Raises:
+        BadType: the value is not an iterable, or an item is not an integer.
+        BadValue: an item does not fit into 64 bits.
+    """
+    try:
+        return as_ids(values, name)
+    except BadType:
+        for one in as_items(values, name, "integers"):
+            as_node_id(one, f"Each of {name}", graph)
+        raise
+
+
+def label_hint(value: object, graph: object = None) -> str:
+    """Return the hint of an error message for a networkx label that was given as a node id; nothing for other values.
+
+    Args:
+        value: the value that was given.
+        graph: as for `as_node_id`.
+    """
+    if graph is None:
+        return f" {_WAY_OUT}" if isinstance(value, (str, tuple)) else ""
+    columns: Callable[[], GraphColumns] | None = getattr(graph, "columns", None)
+    known = {} if columns is None else labels(columns())
+    try:
+        id = known.get(value)
+    except TypeError:  # not hashable
+        return ""
+    if id is not None:
+        return f" {shown(value)} is node {id}: {_WAY_OUT}"
+    return nearest(value, known) if isinstance(value, str) else ""

@@ -5,11 +5,12 @@ from typing import Annotated, Any, overload
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_int, as_key, shown_as_called
+from gamms.arguments import as_count, as_flag, as_float, as_key, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.block.in_core import ONE_THAT_SHOWS
 from gamms.game.settings import Rank, RuleSpec, declared
+from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import made_for
@@ -238,7 +239,8 @@ def as_nodes(given: object, name: str) -> frozenset[int]:
     Raises:
         BadType, BadValue: no node is given, or an id is not an integer.
     """
-    nodes = frozenset(as_int(node, name) for node in (given if isinstance(given, Iterable) else [given]))
+    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    nodes = frozenset(as_node_id(node, name) for node in several)
     if not nodes:
         raise BadValue(f"{name} is missing: give one or more node ids.")
     return nodes
@@ -292,6 +294,7 @@ def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
         if not goal.startswith(_STARTS) or goal == _STARTS:
             raise BadValue(
                 f"Team {shown(team)} cannot reach {shown(goal)}: give nodes, or a text like 'starts of blue'."
+                f"{label_hint(goal)}"
             )
         return goal.removeprefix(_STARTS)
     return as_nodes(goal, f"A node for team {shown(team)} to reach")

@@ -4,14 +4,14 @@ from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
-from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_as_called
+from gamms.arguments import as_count, as_flag, as_float, as_name, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, as_node_id
 from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, record, whole
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
@@ -74,7 +74,7 @@ def capture_flag(
         raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
     as_float(score, "score")
     game = _FlagRule(
-        {team: as_int(flags[team], f"The base of the flag of {shown(team)}") for team in sorted(flags, key=str)},
+        {team: as_node_id(flags[team], f"The base of the flag of {shown(team)}") for team in sorted(flags, key=str)},
         as_territory(territory),
         None if goal is None else as_count(goal, "goal", hint=". None never ends the game."),
         score,

@@ -6,12 +6,12 @@ from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
 
-from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range, shown_as_called
+from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
 from gamms.game.settings import Rank, RuleSpec, declared
-from gamms.ir.graph import GraphColumns, shortest_edges
+from gamms.ir.graph import GraphColumns, as_node_id, shortest_edges
 from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
 from gamms.rules.visits import TraveledEdges
@@ -81,7 +81,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         as_range(per_edge, "per_edge"),
         as_range(per_turn, "per_turn"),
         {deed: as_range(price, f"per_deed[{shown(deed)}]") for deed, price in prices.items()},
-        {as_int(node, "A node to recharge"): as_range(rate, f"recharge[{node}]") for node, rate in rates.items()},
+        {as_node_id(node, "A node to recharge"): as_range(rate, f"recharge[{node}]") for node, rate in rates.items()},
         as_choice(empty, "empty", _EMPTY) == "eliminate",
         as_teams(teams),
     )

@@ -6,12 +6,12 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_int, as_known, as_name, shown_as_called
+from gamms.arguments import as_choice, as_known, as_name, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import RuleSpec, declared
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, as_node_id
 from gamms.plain import ANYTHING, ID, NAME, Shape, at, dict_of
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
@@ -50,9 +50,9 @@ def by_distance(
     nearest = dict[int, float]()
     owners = dict[int, Hashable]()
     for team in sorted(bases, key=str):
-        base = bases[team]
-        several = base if isinstance(base, Iterable) else [base]
-        nodes = [as_int(node, f"The base of {shown(team)}") for node in several]
+        base: object = bases[team]
+        several = base if isinstance(base, Iterable) and not isinstance(base, str) else [base]
+        nodes = [as_node_id(node, f"The base of {shown(team)}", graph) for node in several]
         for distances in (graph.distances(source=nodes, weight=weight), graph.distances(target=nodes, weight=weight)):
             for node, metres in distances.items():
                 if metres < nearest.get(node, inf):
@@ -175,7 +175,7 @@ def _checked(territory: object) -> dict[int, Hashable]:
             "A territory must be a mapping from nodes to teams, or the name of a published one, "
             f"not {shown(territory)}."
         )
-    return {as_int(node, "A node of a territory"): team for node, team in territory.items()}
+    return {as_node_id(node, "A node of a territory"): team for node, team in territory.items()}
 
 
 def _packed(territory: Mapping[int, Hashable]) -> dict[Hashable, str]:

@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_ids, as_int, as_numbers, as_range
+from gamms.arguments import as_float, as_numbers, as_range
 from gamms.core import sight
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id, as_node_ids
 from gamms.ir.positions import Positions
 from gamms.ir.sensor_results import LookResults, SensorView, sensed_arrays
 from gamms.sensor import fov_geometry
@@ -220,7 +220,7 @@ class MapSensor(GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        views = [self._look(self.place(id), heading) for id in as_ids(node_ids, "node_ids")]
+        views = [self._look(self.place(id), heading) for id in as_node_ids(node_ids, "node_ids", self.ctx.graph)]
         return sensed_arrays([view.node_ids for view in views], partial(_edges_of, views))
 
     @of_data
@@ -263,7 +263,7 @@ class NeighborSensor(Sensor):
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
-        nodes = as_ids(node_ids, "node_ids")
+        nodes = as_node_ids(node_ids, "node_ids", self.ctx.graph)
         graph = self.ctx.graph
         offsets, targets = graph.routes.neighborhoods()
         places, ends = kernels.chosen_runs(offsets, graph.routes.rows(nodes))
@@ -281,7 +281,7 @@ class NeighborSensor(Sensor):
         try:
             self._last[0] = [*self._neighborhoods[node_id]]
         except TypeError:  # not hashable, or no id
-            self._last[0] = [*self._neighborhoods[as_int(node_id, "The id of a node")]]
+            self._last[0] = [*self._neighborhoods[as_node_id(node_id, "The id of a node", self.ctx.graph)]]
 
     @of_data
     def last_view(self) -> SensorView:
@@ -363,7 +363,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
-            ids = as_ids(node_ids, "node_ids")
+            ids = as_node_ids(node_ids, "node_ids", self.ctx.graph)
             reports = list[dict[str, int]]()
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
@@ -471,7 +471,7 @@ def checked_place(ctx: IContext, at: object, name: str) -> Place:
         BadType, BadValue: neither an integer nor a pair of finite numbers.
     """
     if isinstance(at, str) or not hasattr(at, "__len__") or getattr(at, "ndim", 1) == 0:
-        node = as_int(at, name)
+        node = as_node_id(at, name, ctx.graph)
         ctx.graph.graph.get_node(node)
         return node
     x, y = as_numbers(at, f"{name}, unless it is the id of a node,", "(x, y)")

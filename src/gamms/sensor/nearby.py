@@ -11,13 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int
 from gamms.core import sight
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import ChangeLog
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor.sensor import ALL_AROUND
@@ -215,7 +214,9 @@ class NearbyAgents:
     def _coordinates_of(self, place: Place) -> tuple[float, float]:
         if isinstance(place, tuple):
             return coordinates(self._ctx, place)
-        return self.places_of_nodes[place if type(place) is int else as_int(place, "The id of a node")]
+        return self.places_of_nodes[
+            place if type(place) is int else as_node_id(place, "The id of a node", self._ctx.graph)
+        ]
 
     def _sight(self, radius: float) -> sight.RangeSearch:
         found = self._sights.get(radius)

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int
 from gamms.deciding import phase_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
@@ -78,7 +77,7 @@ class ViewCache:
         except KeyError:
             return self._keep(kind, key, self._ahead(place, radius, fov, heading))
         except TypeError:  # not hashable
-            return self.look(as_int(place, "The id of a node"), radius, fov, heading)
+            return self.look(as_node_id(place, "The id of a node", self._ctx.graph), radius, fov, heading)
 
     def known(self, radius: float) -> Mapping[Place, View]:
         """Return the cached views in all directions within a finite radius, by place."""
@@ -143,7 +142,9 @@ class OccludedViewCache(ViewCache):
             ids = self._ids_in_sight(place, radius, fov, heading, height, tunnel)
             return self._keep(kind, place, self._ctx.graph.graph.among(ids))
         except TypeError:  # not hashable
-            return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height, tunnel)
+            return self.look_past(
+                as_node_id(place, "The id of a node", self._ctx.graph), radius, fov, heading, height, tunnel
+            )
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         """Return the corners (corners, 2) of the visible part of a sector, cut off far outside the map."""

@@ -13,7 +13,7 @@ from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_in
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, as_node_id
 from gamms.scenario import Scenario
 from gamms.solve.information import sensor_information
 from gamms.solve.stages import BestResponseValues, Bound, Rewards, ValueIteration
@@ -327,7 +327,7 @@ class Solution:
     def _nodes(self, places: Mapping[str, int | None]) -> list[int]:
         nodes: list[int] = np.where(self.table.alive[0], self.table.nodes[0], -1).tolist()
         for name, node in as_mapping(places, "places").items():
-            nodes[self._agent(name)] = -1 if node is None else as_int(node, f"places[{shown(name)}]")
+            nodes[self._agent(name)] = -1 if node is None else as_node_id(node, f"places[{shown(name)}]")
         return nodes
 
     def _number(self, places: Mapping[str, int | None], turn: int) -> int:

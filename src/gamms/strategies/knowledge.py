@@ -10,10 +10,11 @@ from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
-from gamms.arguments import as_function_of, as_int, as_items
+from gamms.arguments import as_function_of, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
+from gamms.ir.graph import as_node_id
 from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -158,7 +159,7 @@ def as_known_node(ctx: IContext, value: object, name: str) -> int:
     Raises:
         BadType, UnknownName (KeyError): not a node id, or not on the map.
     """
-    node = as_int(value, name)
+    node = as_node_id(value, name, ctx.graph)
     if not ctx.graph.graph.has_node(node):
         raise UnknownName("node", node, ctx.graph.graph.get_nodes())
     return node

@@ -4,11 +4,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, pi, sin
 from typing import Any, TypeVar, overload
 
-from gamms.arguments import as_context, as_count, as_float, as_int, shown_as_called, signature_of
+from gamms.arguments import as_context, as_count, as_float, shown_as_called, signature_of
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.ir.graph import as_node_id
 from gamms.plain import ANYTHING, NODE, at, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -356,4 +357,4 @@ def _first_node(action: object) -> int | None:
     wanted = action.get("node_id") if isinstance(action, Mapping) else action
     if isinstance(wanted, Sequence):
         wanted = wanted[0] if wanted else None
-    return None if wanted is None else as_int(wanted, "A node of an action")
+    return None if wanted is None else as_node_id(wanted, "A node of an action")

@@ -24,6 +24,7 @@ from gamms.arguments import (
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
+from gamms.ir.graph import as_node_id, label_hint
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
@@ -37,13 +38,14 @@ _NO_STATE = (TypeError, AttributeError)  # errors of strategies that are called 
 Function = Callable[..., Any]
 
 
-def as_node(value: object) -> int:
-    """Return an action that must be a node id, as an int."""
+def as_node(value: object, graph: IGraph) -> int:
+    """Return an action that must be the id of a node of a graph, as an int."""
     try:
         return as_int(value, "A node id")
     except BadType:
         raise BadType(
             f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
+            f"{label_hint(value, graph)}"
         ) from None
 
 
@@ -54,7 +56,7 @@ def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
         UnknownName (KeyError): the node does not exist.
         BadType: not an integer.
     """
-    node = as_int(value, "A node id")
+    node = as_node_id(value, "A node id", graph)
     is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
     if not is_known:
         raise UnknownName("node", node, graph.get_nodes())

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_float, as_int, as_items, as_range
+from gamms.arguments import as_count, as_float, as_items, as_range
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id
 from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
@@ -215,7 +215,7 @@ class EdgeRoutes(Routes):
 
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
         """Return the rows of one or several nodes (KeyError)."""
-        ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
+        ids = [as_node_id(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
             if id not in self._row_of:
                 raise UnknownName("node", id, self._row_of)

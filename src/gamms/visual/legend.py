@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.draw import DrawSpace
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.text import shown
 from gamms.typing import IArtist, IContext
 from gamms.visual.appearance import (
@@ -493,7 +493,7 @@ def checked(
     """
     if not isinstance(given, Mapping):
         raise BadType(f"{of} must be a mapping from ids to values, not {shown(given)} ({type(given).__name__}).")
-    ids = np.array([as_int(id, f"An id of {of}") for id in given], np.int64)
+    ids = np.array([as_node_id(id, f"An id of {of}") for id in given], np.int64)
     strange = ids[~np.isin(ids, known)].tolist()
     if strange:
         raise UnknownName(of.removesuffix("s"), strange[0])

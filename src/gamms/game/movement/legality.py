@@ -242,8 +242,9 @@ class Legality:
         return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
 
     def _node(self, action: object) -> int:
-        node = as_node(action)
-        if not self._ctx.graph.graph.has_node(node):
+        graph = self._ctx.graph.graph
+        node = as_node(action, graph)
+        if not graph.has_node(node):
             raise UnknownName("node", node)
         return node
 
