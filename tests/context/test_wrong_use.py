@@ -3,7 +3,8 @@
 import pytest
 
 import gamms
-from gamms.sensor import agent_range, neighbor
+from gamms.errors import BadType, UnknownName
+from gamms.sensor import SensorType, agent_range, neighbor
 from gamms.sensor import range as range_sensor
 from gamms.strategies import stay
 
@@ -106,3 +107,28 @@ def test_a_missing_action_of_a_plan_is_explained_too(town):
     town.game.command("red", plan)
     (error,) = town.game.run(1).errors
     assert error["message"].endswith("Did you mean 'action'?")
+
+
+DECLARED = "Declare it: sensors={'eyes': gamms.sensor.agent_range()}."
+
+
+@pytest.mark.parametrize("given", ["agent_range", "AGENT_RANGE", SensorType.AGENT_RANGE, agent_range])
+def test_the_name_of_a_kind_is_not_taken_for_a_sensor(town, given):
+    for sensors in ({"eyes": given}, given):
+        with pytest.raises((BadType, UnknownName)) as caught:
+            town.agent.create_agent("ann", start_node_id=0, sensors=sensors)
+        assert str(caught.value).endswith(DECLARED)
+    assert "ann" not in town.agent.agents
+
+
+def test_an_unknown_id_in_a_dict_of_sensors_is_refused(town):
+    town.sensor.create_sensor("near", "NEIGHBOR")
+    with pytest.raises(UnknownName, match=r"Unknown sensor 'naer'. Did you mean 'near'\?"):
+        town.agent.create_agent("ann", start_node_id=0, sensors={"eyes": "naer"})
+    town.agent.create_agent("ann", start_node_id=0, sensors={"eyes": "near"})
+
+
+def test_the_name_of_a_kind_in_a_list_is_skipped_as_in_1_0_0_with_a_warning_that_says_how(town, caplog):
+    town.logger.setLevel("WARNING")
+    town.agent.create_agent("ann", start_node_id=0, sensors=["agent_range"])
+    assert caplog.records[-1].getMessage().endswith(DECLARED)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from gamms.arguments import as_member, as_name
-from gamms.errors import BadType
+from gamms.errors import BadType, UnknownName
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, is_sensor, owner_of
@@ -62,14 +62,23 @@ def listed(sensors: Any) -> Any:
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
-def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, Any]:
+def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = False) -> dict[str, Any]:
     """Return the sensors for a new agent, or their declarations, by their names in its state.
 
-    Unknown ids are skipped, as in 1.0.0.
+    Args:
+        ctx: the context.
+        name: the name of the agent, or of its team.
+        given: a list of ids and sensors, or a dict from names to ids, sensors and declarations.
+        skips_unknown: whether unknown ids are skipped with a warning.
+
+    Raises:
+        BadType: something is not a sensor.
+        UnknownName (KeyError): an id is unknown.
     """
     is_dict = type(given) is not list and isinstance(given, Mapping)
     if isinstance(given, str) or not isinstance(given, Iterable):
-        raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
+        hint = _kind_hint("eyes", given)
+        raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.{hint}")
     if isinstance(given, Mapping) and as_member(SensorType, given.get("type")) is not None:
         hint = f'Give it a name, sensors={{"eyes": {shown(given)}}}.'
         raise BadType(f"sensors= of {shown(name)} is one sensor without a name. {hint}")
@@ -84,11 +93,21 @@ def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool =
             raise BadType(f"Agent {name!r} cannot carry {shown(sensor)} without a name. {hint}")
         if not is_id and not isinstance(sensor, Mapping) and not is_sensor(sensor):
             factories = "sensors, their ids, and what gamms.sensor.agent_range() and its like return"
-            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes {factories}.")
+            hint = _kind_hint(key if is_dict else "eyes", sensor)
+            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes {factories}.{hint}")
         try:
             found[key if is_id or is_dict else sensor.sensor_id] = ctx.sensor.get_sensor(sensor) if is_id else sensor
-        except KeyError as error:
+        except UnknownName as error:
+            hint = _kind_hint(key if is_dict else "eyes", sensor)
             if not skips_unknown:
-                raise
-            ctx.logger.warning(f"Agent {shown(name)} is created without a sensor: {error}")
+                raise UnknownName("sensor", sensor, ctx.sensor.sensors, hint) from None
+            ctx.logger.warning(f"Agent {shown(name)} is created without a sensor: {error}{hint}")
     return found
+
+
+def _kind_hint(name: str, given: object) -> str:
+    """Return how to declare a sensor of a kind, for the name, the type or the factory of a kind in its place."""
+    kind = as_member(SensorType, getattr(given, "__name__", given))
+    if kind is None or kind is SensorType.CUSTOM:
+        return ""
+    return f" Declare it: sensors={{{shown(name)}: gamms.sensor.{kind.name.lower()}()}}."

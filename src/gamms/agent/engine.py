@@ -185,7 +185,9 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             kwargs["sensors"] = listed(kwargs["sensors"])
         given = dict(kwargs)
         kind = self._kind_of(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
-        sensors = found_sensors(self._ctx, name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
+        carried = kwargs.pop("sensors", ())
+        skips = self._block.trusts_nodes or not isinstance(carried, Mapping)  # a list, as in 1.0.0, or a replay
+        sensors = found_sensors(self._ctx, name, carried, skips_unknown=skips) if "sensors" in given else {}
         strategy = kwargs.pop("strategy", None)
         hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(given, _KEYWORDS)
         hints += [hint for one, hint in _OF_FLYERS.items() if kind is AgentType.BASIC and one in kwargs]
@@ -251,7 +253,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if taken is not None:
             raise Duplicate("an agent", taken)
         values = values_in(columns, len(nodes), _others)
-        found_sensors(self._ctx, team, carried, skips_unknown=False)
+        found_sensors(self._ctx, team, carried)
         self._part()
         shared = {"sensors": carried, "strategy": strategy, "team": team}
         rows = zip(nodes, zip(*values.values(), strict=True) if values else repeat(()), strict=False)

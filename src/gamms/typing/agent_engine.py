@@ -189,8 +189,8 @@ class IAgentEngine(ABC):
             name: a name that no other agent has.
             start_node_id: id of the first node of the agent; required.
             sensors: a dict from names in the agent's state to sensors, such as
-                `{"eyes": gamms.sensor.agent_range(range_m=60)}`; also ids of existing sensors. Unknown ids are left
-                out with a warning.
+                `{"eyes": gamms.sensor.agent_range(range_m=60)}`; also ids of existing sensors. Or a list of
+                ids, of which unknown ones are left out with a warning.
             team: any value that can be a dict key; None: no team.
             strategy: the function that decides for the agent in `ctx.game`; None: none yet.
             orientation: a fixed heading `(cos, sin)`; None: the heading follows from the moves.
