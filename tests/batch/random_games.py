@@ -334,6 +334,8 @@ class Drawn:
         self._draw_map(ctx)
         for number, name in enumerate(self.agents):
             self._create_agent(ctx, number, name)
+        for team in TEAMS[:3]:
+            ctx.agent.create_team(team, [])  # rules mention teams that have no agents in some games
         for name in (self.motion or {}).keys() - {"strategies", "speeds"}:
             setattr(ctx.game, name, self.motion[name])
         self._add_rules(ctx)

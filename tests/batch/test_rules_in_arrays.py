@@ -35,6 +35,7 @@ def test_a_way_costs_as_much_as_the_shortest_edge_along_it(same_as_one_by_one):
 
 def test_teams_without_agents_discover_nothing():
     with scene().build(seed=1) as ctx:
+        ctx.agent.create_team("green", [])
         ctx.game.add(discover([3], teams=["green"]))
         with ctx.game.batch(2) as games:
             games.run()

@@ -174,6 +174,8 @@ def test_the_order_of_creation_counts_for_nothing_and_a_recording_goes_on_the_sa
     def game(reverse):
         ctx = road(order, nodes=6, seed=seed)
         ctx.game.conflicts = Conflicts(capacity=2)
+        for team in "xy":
+            ctx.agent.create_team(team, [])  # some games have no agents of a team
         ctx.game.add(tag("x", "y"))
         numbers = range(len(teams))
         for i in reversed(numbers) if reverse else numbers:

@@ -16,9 +16,9 @@ def test_the_first_team_to_reach_a_node_wins(road):
 
 
 def test_a_goal_may_be_one_of_several_nodes_and_another_team_may_win(road):
-    ctx = road(r=("red", 2, 3, 4))
-    ctx.game.add(reach("red", [9, 3], winner="the house"))
-    assert ctx.game.run(9).winner == "the house"
+    ctx = road(r=("red", 2, 3, 4), b=("blue", 0))
+    ctx.game.add(reach("red", [9, 3], winner="blue"))
+    assert ctx.game.run(9).winner == "blue"
 
 
 def test_teams_may_race_to_each_others_starts(road):

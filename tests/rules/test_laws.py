@@ -76,6 +76,8 @@ def open_game(rules, agents, seed=3):
     """Agents `(team, node)` by name; all walk about at random."""
     ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"}, game={"deeds": {"shout": None}})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(SIDE, SIDE))
+    for team in ("red", "blue", "green"):
+        ctx.agent.create_team(team, [])  # some games have no agents of a team
     for name, (team, node) in agents.items():
         speed = {"0": 2, "1": 1.5, "2": 0.5}.get(name[-1])
         kind = {"type": AgentType.AERIAL, "speed": 8.0} if name.startswith("drone") else {"speed": speed}

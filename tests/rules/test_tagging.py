@@ -34,6 +34,7 @@ def test_all_are_judged_by_where_they_are_before_anybody_is_moved(road):
 
 def test_agents_that_come_later_are_tagged_too(road):
     ctx = road(r=("red", 3))
+    ctx.agent.create_team("green", [])
     ctx.game.add(tag("red", "green"))
     ctx.game.step()
     ctx.agent.create_agent("g", start_node_id=3, team="green")

@@ -228,7 +228,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     ) -> Team:
         """Create the agents of a team in one call: `red_0`, `red_1`, … on the ground.
 
-        A plan with arrays (`ctx.game.command(name, plan, arrays=True)`) decides for them fastest.
+        A plan with arrays (`ctx.game.command(name, plan, arrays=True)`) decides for them fastest. Without start nodes,
+        the team is only declared: rules may mention it, and its agents are created later.
 
         Args:
             name: name of the team, and prefix of the agents' names.
@@ -255,6 +256,9 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         values = values_in(columns, len(nodes), _others)
         found_sensors(self._ctx, team, carried)
         self._part()
+        if not names:
+            self._block.number_teams((team,))
+            return Team(self._ctx, team, UncreatedMembers(names, strategy, {}), lambda: self._block)
         shared = {"sensors": carried, "strategy": strategy, "team": team}
         rows = zip(nodes, zip(*values.values(), strict=True) if values else repeat(()), strict=False)
         given = ({"start_node_id": node, **shared, **dict(zip(values, row, strict=True))} for node, row in rows)

@@ -90,7 +90,7 @@ class Game(Surface, RuleVerbs):
 
         A rule may have seven attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
         `check(ctx)` is called in every turn after agents have decided, and may `refuse` moves and deeds; `teams` are
-        the teams that it mentions (a warning is logged at the next turn if one has no agents); `drawer(ctx, data)`
+        the teams that it mentions (checked when the game begins, see docs/rules.md); `drawer(ctx, data)`
         draws it, as an artist called `drawer.artist` unless this name is taken, on layer `drawer.layer` (12);
         `disclose(data, names)` returns the part of `data` that agents of these names know, for planners; `rank` orders
         the rules of a phase: higher ranks are called later (0); `key` names its state in `data` and must be unique.
@@ -215,12 +215,12 @@ class Game(Surface, RuleVerbs):
         turns = self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
+        if self._ruleset.unchecked:
+            self._ruleset.check_teams()
         if not state.has_begun:
             self._begin()
         if self._turns.prepared != self._phase.strategy_changes:
             self._prepare_strategies()
-        if self._ruleset.unchecked:
-            self._ruleset.warn()
         if self._unchecked_plans:
             self._warn_of_unknown_teams()
         turns.is_playing = True
@@ -563,7 +563,7 @@ class Game(Surface, RuleVerbs):
                 "or play scenario.batch(…, record=True)."
             )
         chosen = as_seeds(num_games, seed, seeds)
-        self._ruleset.warn()
+        self._ruleset.check_teams()
         fork = self.fork(0)
         try:
             return Batch([BatchSource(fork, None, None, None)], chosen, record=False, most_agents=most_agents)

@@ -3,10 +3,11 @@
 A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns the declaration of any rule.
 """
 
-from collections.abc import Callable, Collection, Container, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from inspect import iscoroutinefunction
+from itertools import islice
 from typing import Any, Literal, NamedTuple, TypeVar, Unpack
 
 from gamms.arguments import (
@@ -344,7 +345,10 @@ class RuleSpec:
     Attributes:
         prepare: called with the context when the rule is added, to look at the map and to publish facts.
         check: called with the context after all have decided, to refuse moves and deeds.
-        teams: the teams that the rule mentions; a warning is logged if one has no agents.
+        teams: the teams that the rule mentions; see `RuleSet.check_teams`.
+        owners: teams or other owners that the rule mentions; a name that resembles that of a team is refused.
+        starts_of: texts of teams whose starts the rule reads.
+        may_create_agents: whether the rule calls a function of the user, which may create agents.
         drawer: draws the rule: `drawer(ctx, data)`. It reads only `ctx.game.data`, so that replays look the same.
         disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns the part that
             these know, for copies that look ahead. Without it, copies have the state after `prepare`.
@@ -375,6 +379,9 @@ class RuleSpec:
     prepare: Callable[[Any], object] | None = None
     check: Callable[[Any], object] | None = None
     teams: Collection[Hashable] = ()
+    owners: Collection[Hashable] = ()
+    starts_of: Collection[str] = ()
+    may_create_agents: bool = False
     drawer: Callable[..., object] | None = None
     disclose: Callable[[Mapping[str, Any], Collection[str]], Mapping[str, Any]] | None = None
     rank: int = Rank.USUAL
@@ -395,10 +402,11 @@ class RuleSpec:
     is_array_function: bool = False
 
 
+_FEW_OWNERS = 20  # that are compared with teams
 _SPEC = "_rule_spec"
 _ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of users' rules
 _OF_WRAPPED = ("keeps", "reads", "brings_back", "uses_scores", "last_turn")
-_NOTHING = RuleSpec()
+_NOTHING = RuleSpec(may_create_agents=True)  # of users' rules
 
 
 def declared(rule: R, spec: RuleSpec) -> R:
@@ -415,7 +423,8 @@ def rule_spec_of(rule: object) -> RuleSpec:
     """
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
     if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
-        spec = RuleSpec(**{name: getattr(spec, name) for name in (*_ATTRIBUTES, *_OF_WRAPPED)})
+        wrapped = {name: getattr(spec, name) for name in (*_ATTRIBUTES, *_OF_WRAPPED)}
+        spec = RuleSpec(**wrapped, may_create_agents=True)
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
     return replace(spec, **own) if own else spec
 
@@ -519,7 +528,7 @@ class RuleSet:
 
     Attributes:
         now: the current rules; a new table after each change.
-        unchecked: rules whose teams have not been checked since they were added.
+        unchecked: rules whose teams have not been checked since they were added; see `check_teams`.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -621,14 +630,43 @@ class RuleSet:
                 raise
         return bool(self.now.checks)
 
-    def warn(self) -> None:
-        """Log a warning for each new rule that mentions a team without agents."""
+    def check_teams(self) -> None:
+        """Refuse new rules that mention a team that never had agents and was not declared by `create_team`.
+
+        If a rule of the user may create its agents, a warning is logged instead, unless the name resembles that of
+        another team.
+
+        Raises:
+            UnknownName (KeyError): a rule mentions such a team.
+        """
+        block = self._ctx.agent.block  # without making agents of large teams
+        teams = sorted({*block.teams, *block.team_rows} - {None}, key=str)
+        may_come = any(one.spec.may_create_agents for one in self.rules)
         for named in [one for one in self.unchecked if one in self.rules]:
-            teams = sorted({*self._ctx.agent.block.teams}, key=str)  # without making agents of large teams
-            for team in named.spec.teams:
-                if team not in teams:
-                    self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
+            for team in _unknown_teams(named.spec, teams):
+                if not may_come or nearest(team, teams):
+                    raise UnknownName("team", team, teams, _no_agents_of(team, named.name))
+                self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
         self.unchecked.clear()
+
+
+def _unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashable]:
+    """Yield the teams that a rule mentions and that are not among the teams of a game."""
+    yield from (team for team in spec.teams if team not in teams and team is not None)
+    yield from (text for text in spec.starts_of if text not in map(str, teams))
+    others = [team for team in teams if team not in spec.owners]
+    unknown = (owner for owner in spec.owners if owner not in teams and owner is not None)
+    yield from (owner for owner in islice(unknown, _FEW_OWNERS) if nearest(owner, others))
+
+
+def _no_agents_of(team: Hashable, rule: str) -> str:
+    """Return the hint for a rule that mentions a team without agents."""
+    way_out = (
+        f"declare it by ctx.agent.create_team({shown(team)}, [])"
+        if isinstance(team, str)
+        else "create one of them before the game begins"
+    )
+    return f" The rule {rule!r} mentions it, and no agent plays for it: if its agents come later, {way_out}."
 
 
 def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:

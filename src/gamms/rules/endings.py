@@ -102,6 +102,7 @@ def reach(
             uses_scores=True,
             teams=named,
             keeps=_PUBLISHED,
+            starts_of=[goal for goal in goals.values() if isinstance(goal, str)],
             core_form=form if fits_core(score) else None,
         ),
     )
@@ -147,6 +148,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             uses_scores=True,
             teams=list(goals),
             keeps=_PUBLISHED,
+            starts_of=[goal] if isinstance(goal, str) else [],
             core_form=form if fits_core(points) else None,
         ),
     )

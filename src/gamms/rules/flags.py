@@ -17,7 +17,7 @@ from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
 from gamms.rules.meetings import GameRule, made_for
-from gamms.rules.territory import Colors, Territory, as_territory, shapes_of_grounds
+from gamms.rules.territory import Colors, Territory, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS
@@ -92,6 +92,7 @@ def capture_flag(
         capture_flag,
         RuleSpec(
             prepare=game.prepare,
+            owners=[*dict.fromkeys((*game.bases, *owners_of(game.ground)))],
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),
             key=game.key,

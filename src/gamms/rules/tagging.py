@@ -19,7 +19,7 @@ from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import Side, made_for
-from gamms.rules.territory import Territory, TerritorySource, as_territory, shapes_of_grounds
+from gamms.rules.territory import Territory, TerritorySource, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
@@ -116,6 +116,8 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
         RuleSpec(
             drawer=render_tags,
             teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
+            owners=list(dict.fromkeys(owner for tagging in taggings for owner in owners_of(tagging.ground))),
+            may_create_agents=any(callable(tagging.then) for tagging in taggings),
             act_as_one=_rule_of,
             parts=taggings,
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,

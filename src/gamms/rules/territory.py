@@ -116,6 +116,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         published,
         RuleSpec(
             prepare=prepare,
+            owners=list(owned),
             drawer=TerritoryDrawer(fact, colors),
             disclose=all_know(TERRITORIES, fact),
             keeps=at((TERRITORIES,), dict_of(NAME, ANYTHING)),
@@ -167,6 +168,11 @@ def shapes_of_grounds(grounds: Iterable[TerritorySource | None]) -> dict[str, Sh
 
 
 _OWNERS = dict_of(ID, NAME)
+
+
+def owners_of(source: TerritorySource | None) -> list[Hashable]:
+    """Return the owners in a territory that is given as a mapping, each once; none for other territories."""
+    return [] if source is None or isinstance(source.given, str) else [*dict.fromkeys(source.given.values())]
 
 
 def _checked(territory: object) -> dict[int, Hashable]:
