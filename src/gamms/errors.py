@@ -16,7 +16,7 @@ GammsError
 ├─ NetworkError (ConnectionError)  a map server cannot be reached, is busy, or sends an invalid answer
 ├─ MissingExtra (ImportError)      an optional library is required and not installed
 ├─ MissingKey (KeyError)           a required key or argument is missing
-├─ MissingFolder (FileNotFoundError) the folder of an output file does not exist
+├─ MissingFolder (FileNotFoundError) the folder of an output file does not exist, or takes no new files
 ├─ MissingFile (FileNotFoundError) an input file does not exist
 ├─ NoDisplay (RuntimeError)        a window cannot be opened, because there is no display
 ├─ NotOffered (NotImplementedError) an optional method that a user's class does not override
@@ -283,10 +283,15 @@ class MissingKey(GammsError, KeyError):
 
 
 class MissingFolder(GammsError, FileNotFoundError):
-    """The folder of an output file does not exist."""
+    """The folder of an output file or folder does not exist, or takes no new ones."""
 
     def __init__(self, path: object, folder: object) -> None:
-        super().__init__(f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first.")
+        if os.path.isdir(str(folder)):  # noqa: PTH112 - pathlib is loaded late
+            made = os.path.join(str(folder), str(path))  # noqa: PTH118
+            said = f"{made!r} cannot be made: the folder {str(folder)!r} takes no new files. Choose another place."
+        else:
+            said = f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first."
+        super().__init__(said)
 
 
 class MissingFile(GammsError, FileNotFoundError):

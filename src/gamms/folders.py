@@ -19,7 +19,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NoReturn, TypeVar
 
-from gamms.errors import BadFile, BadValue, WriteConflict
+from gamms.errors import BadFile, BadValue, MissingFolder, WriteConflict
 from gamms.limits import refuse_above
 from gamms.text import as_cell, reason
 
@@ -65,6 +65,7 @@ def made_folder(folder: Path) -> Iterator[None]:
 
     Raises:
         BadValue: a file has the name of the folder or of one of its parents.
+        MissingFolder (FileNotFoundError): the folder above takes no new folders.
         OSError: the folder cannot be created.
     """
     made = [one for one in (folder, *folder.parents) if not one.exists()]
@@ -72,7 +73,10 @@ def made_folder(folder: Path) -> Iterator[None]:
     if not last.is_dir():
         where = "" if last == folder else f", so that {str(folder)!r} cannot be made"
         raise BadValue(f"There is {str(last)!r} already, and it is not a folder{where}. Name another folder.")
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileNotFoundError:
+        raise MissingFolder(folder.relative_to(last), last) from None
     try:
         yield
     except BaseException:
@@ -256,12 +260,15 @@ def naming(path: Path, beside: Path) -> Iterator[None]:
     Errors of `write` name no file, and others name a temporary file that the caller does not know.
 
     Raises:
-        OSError: an error occurred in the block; it now has the path.
+        MissingFolder (FileNotFoundError): the folder of the file does not exist, or takes no new files.
+        OSError: another error occurred in the block; it now has the path.
     """
     try:
         yield
     except OSError as error:
         if error.filename is None or os.fspath(error.filename) == str(beside):
+            if isinstance(error, FileNotFoundError):
+                raise MissingFolder(path.name, path.parent) from None
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
