@@ -617,6 +617,34 @@ def as_target(value: object) -> "Path":
     return file
 
 
+_RENDERED = "`gamms render {stem}.ggr {name}` makes {name!r} of a recording."
+_CONVERTED = "`gamms convert {stem}.ggr {name}` makes {name!r} of a recording."
+_WRITERS = {  # suffix -> what writes such files
+    **dict.fromkeys((".mp4", ".gif", ".svg", ".png", ".pdf", ".html"), _RENDERED),
+    **dict.fromkeys((".csv", ".jsonl", ".gpx"), _CONVERTED),
+    **dict.fromkeys((".graphml", ".geojson", ".gpkg"), "ctx.graph.export({name!r}) writes a graph."),
+    ".ggr": "ctx.game.run(record={name!r}) writes a recording.",
+    ".gamms": "ctx.graph.save({name!r}) writes a graph.",
+}
+
+
+def refuse_suffix(file: "Path", kind: str, own: str) -> None:
+    """Refuse a file name whose suffix belongs to files that another call writes.
+
+    Args:
+        file: the file that would be written.
+        kind: its kind in messages, such as "A recording".
+        own: the suffix of this kind.
+
+    Raises:
+        BadValue: the suffix belongs to another kind of file.
+    """
+    suffix = file.suffix.lower()
+    if suffix in _WRITERS and suffix != own:
+        writer = _WRITERS[suffix].format(stem=file.stem, name=file.name)
+        raise BadValue(f"{kind} is a file {own}, not {suffix}: name it '{file.stem}{own}'. {writer}")
+
+
 _MANY = 16  # keywords
 _MISSPELT = 0.8  # how much a keyword is like the one that is meant: `start` is an attribute, and not `strategy`
 

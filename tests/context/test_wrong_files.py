@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import gamms
-from gamms.errors import MissingFolder
+from gamms.errors import BadValue, MissingFolder
 from gamms.folders import made_folder
 from gamms.strategies import stay
 
@@ -55,3 +55,39 @@ def test_a_folder_that_cannot_be_made_is_named(folder):
         made_folder(Path(folder)),
     ):
         pass
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("x.mp4", "`gamms render x.ggr x.mp4` makes 'x.mp4' of a recording."),
+        ("x.gif", "`gamms render x.ggr x.gif` makes 'x.gif' of a recording."),
+        ("x.html", "`gamms render x.ggr x.html` makes 'x.html' of a recording."),
+        ("x.PNG", "`gamms render x.ggr x.PNG` makes 'x.PNG' of a recording."),
+        ("x.svg", "`gamms render x.ggr x.svg` makes 'x.svg' of a recording."),
+        ("x.pdf", "`gamms render x.ggr x.pdf` makes 'x.pdf' of a recording."),
+        ("x.csv", "`gamms convert x.ggr x.csv` makes 'x.csv' of a recording."),
+    ],
+)
+def test_a_recording_under_the_name_of_another_kind_of_file_is_refused(street, tmp_path, name, command):
+    for record in (lambda path: street.game.run(1, record=path), street.record.start):
+        with pytest.raises(BadValue) as caught:
+            record(tmp_path / name)
+        suffix = name[1:].lower()
+        assert str(caught.value) == f"A recording is a file .ggr, not {suffix}: name it 'x.ggr'. {command}"
+    assert list(tmp_path.iterdir()) == []
+    assert street.game.turn == 0
+    street.game.run(1, record=tmp_path / "game.v2")
+    assert [path.name for path in tmp_path.iterdir()] == ["game.v2.ggr"]
+
+
+def test_other_files_under_the_names_of_other_kinds_are_refused(street, tmp_path):
+    with pytest.raises(BadValue, match=r"A result is a file .json, not .ggr: .* ctx.game.run\(record='x.ggr'\)"):
+        street.game.run(1).save(tmp_path / "x.ggr")
+    with pytest.raises(
+        BadValue, match=r"A saved graph is a file .gamms, not .graphml: .* ctx.graph.export\('x.graphml'\)"
+    ):
+        street.graph.save(tmp_path / "x.graphml")
+    with pytest.raises(BadValue, match=r"for a page, recording\.save"):
+        street.visual.save(tmp_path / "x.html")
+    assert list(tmp_path.iterdir()) == []

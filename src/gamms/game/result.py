@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
+from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text, refuse_suffix
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, bytes_of, write_whole
@@ -89,8 +89,10 @@ class Result(Surface):
 
         Raises:
             MissingFolder: the folder does not exist.
+            BadValue: the suffix is that of a recording, a picture, or another kind of file.
         """
         file = as_target(path)
+        refuse_suffix(file, "A result", ".json")
         plain = {"format": _FORMAT, **self.to_dict()}
         del plain["timings"]
         write_whole(file, (json.dumps(plain, indent=1) + "\n").encode(), through_links=True)

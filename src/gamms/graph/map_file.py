@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_path, as_target
+from gamms.arguments import as_path, as_target, refuse_suffix
 from gamms.errors import BadFile, BadValue, GammsError, MissingFile, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
@@ -168,11 +168,12 @@ def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
     """Write a graph to a file; the file appears complete or not at all.
 
     Raises:
-        BadValue: an attribute is not plain data.
+        BadValue: an attribute is not plain data, or the suffix is that of another kind of file.
             MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
-    data = encode(contents)
-    write_whole(as_target(path), data, through_links=True)
+    file = as_target(path)
+    refuse_suffix(file, "A saved graph", ".gamms")
+    write_whole(file, encode(contents), through_links=True)
 
 
 def save_beside(path: str, contents: SavedMap) -> str:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Self, SupportsIndex
 
-from gamms.arguments import as_path
+from gamms.arguments import as_path, refuse_suffix
 from gamms.errors import BadType, MissingFile, MissingFolder
 from gamms.readonly import NotPickled
 from gamms.recorder.errors import RecorderBusy, RecordingError
@@ -20,8 +20,13 @@ _PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # the last on
 
 
 def named(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a new recording, with the default suffix if it has none."""
+    """Return the path of a new recording, with the default suffix if it has none.
+
+    Raises:
+        BadValue: the suffix is that of a film, a picture, or another kind of file.
+    """
     file = as_path(path, "The path of a recording")
+    refuse_suffix(file, "A recording", _SUFFIX)
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
 
 

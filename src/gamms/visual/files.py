@@ -103,7 +103,7 @@ def _backend(path: Path) -> Backend:
         known = ", ".join(FORMATS)
         raise BadValue(
             f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}. For a film use "
-            "ctx.visual.film(), or gamms.rendering.render with a recording."
+            "ctx.visual.film(), or gamms.rendering.render with a recording; for a page, recording.save."
         ) from None
 
 
