@@ -233,17 +233,24 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
 
 
 def names_keywords(function: Callable[P, T], hint: str = "") -> Callable[P, T]:
-    """Decorate a function: an error about an unknown keyword names the most similar one; `**` takes all keywords."""
+    """Decorate a function: errors about arguments that do not fit show how it is called.
+
+    An error about an unknown keyword names the most similar one; `**` takes all keywords.
+    """
     code: Any = getattr(function, "__code__", None)
-    if code.co_flags & _KEYWORDS:
-        return function
+    takes_all = bool(code.co_flags & _KEYWORDS)
     known = [name for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount] if name != "self"]
     taker = function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        refuse_keywords(kwargs, known, taker, hint)
-        return function(*args, **kwargs)
+        if not takes_all:
+            refuse_keywords(kwargs, known, taker, hint)
+        try:
+            return function(*args, **kwargs)
+        except TypeError as error:
+            refuse_call(error, function, taker, args, kwargs)
+            raise
 
     return call
 
@@ -277,6 +284,82 @@ class DescribedFunction(NamedCall):
         twin: Any = make(*arguments)
         twin.__setstate__(state if memo is None else deepcopy(state, memo))
         return cast("Self", twin)
+
+
+def takes_no_context(use: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Decorate a function that makes a part of a map: a context among its arguments is an error.
+
+    Args:
+        use: how a context gets the result, with `{name}` for the name of the function.
+    """
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        checked = names_keywords(function)
+        way_out = use.format(name=function.__name__)
+
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> T:
+            if any(map(is_context, args)):
+                raise BadType(f"{function.__name__} takes no context. The context gets what it returns: {way_out}.")
+            return checked(*args, **kwargs)
+
+        return call
+
+    return decorate
+
+
+_FEW_NAMES = 6  # of the optional parameters that the form of a call lists
+_MISSING = re.compile(r"missing a required (?:keyword-only )?argument: ('\w+')")
+
+
+def refuse_call(
+    error: TypeError, function: Callable[..., object], name: str, args: tuple[Any, ...], kwargs: Mapping[str, object]
+) -> None:
+    """Raise an error that shows how a function is called, if the arguments of a call do not fit its parameters.
+
+    Args:
+        error: the error of the call, caught where it was made.
+        function: the function; a first parameter `self` is not shown.
+        name: what programs call it, such as "ctx.game.publish".
+        args: the arguments without names.
+        kwargs: the arguments with names.
+
+    Raises:
+        BadType: the arguments do not fit the parameters; other errors are not touched.
+    """
+    if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+        return  # raised by the code of the function
+    signature = signature_of(function)
+    try:
+        signature.bind(*args, **kwargs)
+    except TypeError as flaw:
+        words = _MISSING.sub(r"\1 is missing", str(flaw)).replace("positional arguments", "arguments without a name")
+        said = f"{words}."
+        takes_all = any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values())
+        unknown = None if takes_all else next((key for key in kwargs if key not in signature.parameters), None)
+        if unknown is not None:
+            said = f"it takes no keyword {shown(unknown)}.{nearest(unknown, signature.parameters)}"
+        raise BadType(f"{name} is called as {form_of_call(name, signature)}; {said}") from None
+
+
+def form_of_call(name: str, signature: "Signature") -> str:
+    """Return how a function is called: its parameters without types, and the first few optional ones."""
+    parts: list[str] = []
+    optional = 0
+    for one in signature.parameters.values():
+        if one.kind is one.VAR_POSITIONAL:
+            parts.append(f"*{one.name}")
+        elif one.kind is one.VAR_KEYWORD:
+            parts.append(f"**{one.name}")
+        elif one.default is one.empty:
+            parts.append(f"{one.name}=…" if one.kind is one.KEYWORD_ONLY else one.name)
+        elif optional < _FEW_NAMES:
+            optional += 1
+            parts.append(f"{one.name}=…")
+        elif optional == _FEW_NAMES:
+            optional += 1
+            parts.append("…")
+    return f"{name.rpartition('.')[2]}({', '.join(part for part in parts if part != 'self')})"
 
 
 def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
@@ -409,14 +492,25 @@ def as_mapping(value: object, name: str) -> Mapping[Any, Any]:
     return value
 
 
-def as_context(value: T, caller: str) -> T:
+def is_context(value: object) -> bool:
+    """Return whether a value is a context."""
+    return hasattr(value, "graph") and hasattr(value, "agent")
+
+
+def as_context(value: T, caller: str, form: str = "") -> T:
     """Check that a value is a context.
+
+    Args:
+        value: the value.
+        caller: the function that takes it.
+        form: how the function is called, for messages.
 
     Raises:
         BadType: it is not.
     """
-    if not (hasattr(value, "graph") and hasattr(value, "agent")):
-        raise BadType(f"{caller} takes a context, as gamms.create_context gives it, not {shown(value)}.")
+    if not is_context(value):
+        way_out = f" Call it as {form}." if form else ""
+        raise BadType(f"{caller} takes a context, as gamms.create_context gives it, not {shown(value)}.{way_out}")
     return value
 
 
@@ -548,13 +642,32 @@ def with_options(*inherited: type, **defaults: object) -> Callable[[Documented],
         options = next(iter(get_args(rest.annotation)), None)
         for name, kind in annotations_of(options).items():
             others.append(Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, _DOTS), annotation=kind))
-        function.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined] # inspect reads it
+        shown_signature = without_long_types(signature.replace(parameters=others))
+        function.__signature__ = shown_signature  # type: ignore[attr-defined] # inspect reads it
         if function.__doc__ and options is not None:  # Python may run without docstrings
             described = [cleandoc(one.__doc__ or "") for one in (*inherited, options)]
             function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, described)
         return function
 
     return shown_in
+
+
+_LONG_TYPE = 24  # characters of a type that `help` shows
+
+
+def without_long_types(signature: "Signature") -> "Signature":
+    """Return a signature without types that are too long to read in `help`; the docstring describes the arguments."""
+    from inspect import Parameter, Signature, formatannotation
+
+    def is_long(annotation: object) -> bool:
+        return annotation is not Parameter.empty and len(formatannotation(annotation)) > _LONG_TYPE
+
+    parameters = [
+        one.replace(annotation=Parameter.empty) if is_long(one.annotation) else one
+        for one in signature.parameters.values()
+    ]
+    result = Signature.empty if is_long(signature.return_annotation) else signature.return_annotation
+    return signature.replace(parameters=parameters, return_annotation=result)
 
 
 def with_attributes(text: str, entry: str, described: Iterable[str]) -> str:
@@ -569,7 +682,7 @@ def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Document
     """Show the signature and the docstring of the method of a contract, for the one that implements it."""
 
     def shown_in(method: Documented) -> Documented:
-        method.__signature__ = signature_of(contract)  # type: ignore[attr-defined] # inspect reads it
+        method.__signature__ = without_long_types(signature_of(contract))  # type: ignore[attr-defined] # inspect reads it
         method.__doc__ = contract.__doc__
         return method
 

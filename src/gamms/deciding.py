@@ -15,7 +15,7 @@ from threading import get_ident
 from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, SupportsIndex, TypeVar, cast, overload
 
-from gamms.arguments import as_int
+from gamms.arguments import as_int, refuse_call
 from gamms.errors import BadType, BadValue, IllegalMutation
 from gamms.readonly import NotPickled, ShallowCopied, Shareable, frozen, set_attributes
 from gamms.text import shown
@@ -216,7 +216,11 @@ def refused_while_deciding(method: Method) -> Method:
         phase = self._phase
         if phase.agent is not None or phase.player is not None:
             phase.refuse(f"call {self._called}.{method.__name__}")
-        return method(self, *args, **kwargs)
+        try:
+            return method(self, *args, **kwargs)
+        except TypeError as error:
+            refuse_call(error, method, f"{self._called}.{method.__name__}", (self, *args), kwargs)
+            raise
 
     return cast("Method", guarded)
 

@@ -1,12 +1,18 @@
 """A wrong use of a right object is answered where it is used: the error says how it is used."""
 
+import inspect
+import operator
+
 import pytest
 
 import gamms
+from gamms import osm
 from gamms.errors import BadType, UnknownName
+from gamms.rules import last_team, tag
 from gamms.sensor import SensorType, agent_range, neighbor
 from gamms.sensor import range as range_sensor
-from gamms.strategies import stay
+from gamms.strategies import goto, stay
+from gamms.testing import check_rule
 
 
 @pytest.fixture
@@ -132,3 +138,113 @@ def test_the_name_of_a_kind_in_a_list_is_skipped_as_in_1_0_0_with_a_warning_that
     town.logger.setLevel("WARNING")
     town.agent.create_agent("ann", start_node_id=0, sensors=["agent_range"])
     assert caplog.records[-1].getMessage().endswith(DECLARED)
+
+
+CALLS = {
+    "a verb without a name": (
+        lambda ctx: ctx.game.emit(node=3),
+        "ctx.game.emit is called as emit(kind, **data); 'kind' is missing.",
+    ),
+    "facts without a name": (
+        lambda ctx: ctx.game.publish("goal", 3),
+        "ctx.game.publish is called as publish(to=…, **facts); too many arguments without a name.",
+    ),
+    "an agent's node without a name": (
+        lambda ctx: ctx.agent.create_agent("ann", 0),
+        (
+            "ctx.agent.create_agent is called as create_agent(name, start_node_id=…, sensors=…, team=…, strategy=…, "
+            "orientation=…, speed=…, type=…, …, **attributes); too many arguments without a name."
+        ),
+    ),
+    "a fork without a seed": (lambda ctx: ctx.game.fork(), "ctx.game.fork is called as fork(seed); 'seed' is missing."),
+    "a path without an end": (
+        lambda ctx: ctx.graph.shortest_path(3),
+        (
+            "ctx.graph.shortest_path is called as shortest_path(source, target, weight=…, most_edges=…); "
+            "'target' is missing."
+        ),
+    ),
+    "a rule with a context": (
+        lambda ctx: tag(ctx, "red", "blue"),
+        (
+            "tag is called as tag(taggers, tagged, hops=…, metres=…, euclid=…, crossing=…, air=…, passing=…, …); "
+            "too many arguments without a name."
+        ),
+    ),
+    "a strategy without its goal": (
+        goto,
+        "goto is called as goto(ctx, target, otherwise=…); 'target' is missing.",
+    ),
+    "a misspelt keyword": (
+        lambda ctx: ctx.game.fork(sead=3),
+        "ctx.game.fork is called as fork(seed); it takes no keyword 'sead'. Did you mean 'seed'?",
+    ),
+    "a keyword of a method": (
+        lambda ctx: ctx.game.end("over", winer="red"),
+        (
+            "ctx.game.end is called as end(reason, winner=…, truncated=…); it takes no keyword 'winer'. "
+            "Did you mean 'winner'?"
+        ),
+    ),
+    "scenery with its arguments in the wrong order": (
+        lambda ctx: osm.scenery_from_file(ctx, "city.osm"),
+        (
+            "scenery_from_file takes a context, as gamms.create_context gives it, not 'city.osm'. "
+            "Call it as scenery_from_file('city.osm', ctx)."
+        ),
+    ),
+    "streets of a context": (
+        lambda ctx: osm.graph_from_file(ctx, "city.osm"),
+        (
+            "graph_from_file takes no context. The context gets what it returns: "
+            "ctx.graph.attach_networkx_graph(gamms.osm.graph_from_file(…))."
+        ),
+    ),
+    "streets of a place and a context": (
+        lambda ctx: osm.create_osm_graph("Kluuvi", ctx),
+        (
+            "create_osm_graph takes no context. The context gets what it returns: "
+            "ctx.graph.attach_networkx_graph(gamms.osm.create_osm_graph(…))."
+        ),
+    ),
+    "walls of a context": (
+        lambda ctx: osm.obstacle_from_file("city.osm", ctx),
+        (
+            "obstacle_from_file takes no context. The context gets what it returns: "
+            "ctx.graph.add_obstacles(gamms.osm.obstacle_from_file(…))."
+        ),
+    ),
+    "a check with its arguments in the wrong order": (
+        lambda ctx: check_rule(lambda: ctx, last_team()),
+        (
+            "A rule must be a function of the context alone, and <lambda>() is not. "
+            "If it makes such a function, call it, <lambda>(…), and pass what it returns."
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_call_that_does_not_fit_is_answered_with_the_right_one(town, call):
+    wrong, said = CALLS[call]
+    with pytest.raises(BadType) as caught:
+        wrong(town)
+    assert str(caught.value) == said
+    assert caught.value.__context__ is None or caught.value.__suppress_context__
+
+
+def test_errors_of_the_code_of_a_call_stay_as_they_are(town):
+    town.game.add(lambda ctx: len(3))
+    with pytest.raises(TypeError, match="has no len") as caught:
+        town.game.step()
+    assert type(caught.value) is TypeError
+    with pytest.raises(TypeError, match="object cannot be interpreted"):
+        town.game.batch(2, seeds=map(operator.index, ["x"]))
+
+
+def test_help_shows_signatures_that_can_be_read():
+    engine = gamms.create_context().agent
+    shown = str(inspect.signature(engine.create_agent))
+    assert shown.startswith("(name: str, *, start_node_id, sensors=(), team")
+    assert len(shown) < 300
+    assert engine.create_agent.__doc__.startswith("Create an agent")

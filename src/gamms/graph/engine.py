@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_ids, as_known, names_keywords
+from gamms.arguments import as_ids, as_known, names_keywords, refuse_call
 from gamms.compat import Surface
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
@@ -59,7 +59,11 @@ def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenat
 
     @wraps(verb)
     def forwarded(self: "GraphEngine", /, *args: P.args, **kwargs: P.kwargs) -> R:
-        return verb(self.graph, *args, **kwargs)
+        try:
+            return verb(self.graph, *args, **kwargs)
+        except TypeError as error:
+            refuse_call(error, verb, f"ctx.graph.{verb.__name__}", (self, *args), kwargs)
+            raise
 
     return forwarded
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_float, as_items, as_range, refuse_keywords, with_options
+from gamms.arguments import as_float, as_items, as_range, refuse_keywords, takes_no_context, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import (
@@ -51,9 +51,11 @@ class WallOptions(TypedDict, total=False):
     """
 
 
+_for_obstacles = takes_no_context("ctx.graph.add_obstacles(gamms.osm.{name}(…))")
 _with_options = with_options(barriers=False, elevation=None)
 
 
+@_for_obstacles
 @_with_options
 def obstacle_from_file(
     filepath: str | os.PathLike[str],
@@ -110,6 +112,7 @@ def obstacle_from_file(
 obstacle_from_xml = obstacle_from_file  # its name in 1.0.0
 
 
+@_for_obstacles
 @_with_options
 def obstacle_from_osm(
     location: Location,

@@ -18,6 +18,7 @@ from gamms.arguments import (
     as_range,
     refuse_keywords,
     signature_of,
+    takes_no_context,
     with_options,
 )
 from gamms.errors import BadFile, BadValue
@@ -157,6 +158,10 @@ class FileOptions(MapOptions, total=False):
     """
 
 
+for_a_graph = takes_no_context("ctx.graph.attach_networkx_graph(gamms.osm.{name}(…))")
+
+
+@for_a_graph
 def graph_from_xml(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -192,6 +197,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
+@for_a_graph
 @with_options(tags=(), elevation=None, around_buildings=True, filter=None, clip=None)
 def graph_from_file(
     filepath: FilePath,
@@ -278,6 +284,7 @@ def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 
+@for_a_graph
 def graph_from_geojson(
     filepath: FilePath,
     resolution: float = 10.0,

@@ -14,7 +14,7 @@ from gamms.ir.geometry import box_of
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_mode, recipe_of
+from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_a_graph, for_mode, recipe_of
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.objects import as_tags
@@ -64,6 +64,7 @@ class PlaceOptions(MapOptions, total=False):
     """Keep the largest part in which every node can be reached from every other: None, yes."""
 
 
+@for_a_graph
 def create_osm_graph(
     location: Location,
     osm_type: OSMType | str = OSMType.WALK,
@@ -111,6 +112,7 @@ def create_osm_graph(
 _with_place_options = with_options(**_DEFAULTS)
 
 
+@for_a_graph
 @_with_place_options
 def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets of a place for a mode of travel, like `graph_from_file` for a file.
@@ -121,6 +123,7 @@ def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx
     return _graph_of_area(streets_of_place, location, shown(location), options)
 
 
+@for_a_graph
 @_with_place_options
 def graph_from_bbox(
     left: float, bottom: float, right: float, top: float, **options: Unpack[PlaceOptions]
@@ -135,6 +138,7 @@ def graph_from_bbox(
     return _graph_of_area(streets_of_polygon, box.region(), name, options)
 
 
+@for_a_graph
 @_with_place_options
 def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets within `radius_m` meters of a position in degrees, in a straight line.
@@ -146,6 +150,7 @@ def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[
     return _graph_of_area(streets_of_polygon, polygon_of(circle), name, options)
 
 
+@for_a_graph
 @_with_place_options
 def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).

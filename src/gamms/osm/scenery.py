@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms.arguments import as_context
 from gamms.errors import BadValue
 from gamms.ir.geometry import rings_of, seamed
 from gamms.ir.graph import FloatArray
@@ -81,7 +82,7 @@ def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildi
         BadValue: the context has no streets with a CRS in meters, or there is too much scenery around them.
         MissingExtra: osmium or pyproj is not installed.
     """
-    crs, box = _place_of(ctx)
+    crs, box = _place_of(as_context(ctx, "scenery_from_file", "scenery_from_file('city.osm', ctx)"))
     file = as_file(filepath)
     rules = _SceneryRules(buildings=buildings)
     areas = read_footprints(file, rules)
@@ -103,7 +104,7 @@ def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = Tru
         PlaceError, NetworkError: the place is unknown or empty, or there is no answer.
         MissingExtra: requests or pyproj is not installed.
     """
-    crs, box = _place_of(ctx)
+    crs, box = _place_of(as_context(ctx, "scenery_from_osm", "scenery_from_osm('Monaco', ctx)"))
     rules = _SceneryRules(buildings=buildings)
     wanted = dict[str, bool | list[str]]()
     for key, value in _AREAS:

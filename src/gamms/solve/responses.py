@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 
 from gamms import planning, rl
-from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping
+from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping, names_keywords
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
@@ -154,6 +154,7 @@ class Evaluation:
         return min(*self.by_opponent.values(), *best_response_of_other, float("inf"))
 
 
+@names_keywords
 def evaluate(
     scenario: Scenario,
     strategy: object,
@@ -208,6 +209,7 @@ def evaluate(
     return Evaluation(team, found, response)
 
 
+@names_keywords
 def nash_conv(
     scenario: Scenario,
     strategies: Mapping[str, object],
@@ -249,6 +251,7 @@ def nash_conv(
     return sum(_exact_response(game, reward, teams[0]).value for game in games)
 
 
+@names_keywords
 def exploitability(
     scenario: Scenario,
     strategies: Mapping[str, object],

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping
+from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping, names_keywords
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
@@ -395,6 +395,7 @@ class Solution:
 _OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "none"}
 
 
+@names_keywords
 def solve(
     scenario: Scenario,
     *,

@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from copy import deepcopy
 
+from gamms.arguments import names_keywords
 from gamms.errors import BadType
 from gamms.text import shown
 from gamms.typing import IGraph, ISensor, SensorType
+from gamms.typing.sensor_engine import refuse_no_sensor
 
 _NODES = [(1, 0.0, 0.0), (2, 3.0, 4.0), (7, 10.0, 0.0), (5, 0.0, 5.0)]
 _EDGES = [(10, 1, 2), (11, 2, 1), (12, 1, 7), (13, 1, 2), (14, 5, 5)]
@@ -24,6 +26,7 @@ def check_graph(make: Callable[[], IGraph]) -> None:
         promise(_filled(make()))
 
 
+@names_keywords
 def check_sensor(sensor: ISensor, node_id: int) -> None:
     """Check every promise of a sensor that senses from a node.
 
@@ -33,7 +36,9 @@ def check_sensor(sensor: ISensor, node_id: int) -> None:
 
     Raises:
         AssertionError: a promise is broken; the message names it.
+        BadType: `sensor` is not a sensor.
     """
+    refuse_no_sensor(sensor)
     expect("sensor_id is a name", str(sensor.sensor_id) == sensor.sensor_id != "", sensor.sensor_id)
     expect("type is a SensorType", isinstance(sensor.type, SensorType), sensor.type)
     expect("sense returns nothing", sensor.sense(node_id) is None, "something")

@@ -6,7 +6,7 @@ from copy import deepcopy
 from inspect import isawaitable
 from typing import Any, cast
 
-from gamms.arguments import signature_of
+from gamms.arguments import as_function_of, names_keywords, signature_of
 from gamms.context import Context
 from gamms.game import IllegalMutation, Result
 from gamms.game.hidden_state import HiddenState
@@ -33,6 +33,7 @@ _Game = dict[str, Any]  # a result as plain values
 _Actions = list[tuple[int, object]]  # turn and action
 
 
+@names_keywords
 def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30) -> None:
     """Play games with a rule repeatedly, and compare them.
 
@@ -50,7 +51,9 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
 
     Raises:
         AssertionError: a game went differently; the message tells which, and how to fix it.
+        BadType: `rule` is not a function of the context.
     """
+    as_function_of(rule, "A rule", "the context")
     play = _RepeatableGame(make_ctx, rule, turns)
     play.check_repeatable()
     hidden = HiddenState(rule)
@@ -60,6 +63,7 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
             promise(play, first)
 
 
+@names_keywords
 def check_strategy(
     strategy: _AnyStrategy | None, make_ctx: Callable[[], Context], agent: str, *, turns: int = 30
 ) -> None:
