@@ -9,7 +9,7 @@ import types
 from collections.abc import Iterator, Mapping
 from functools import cache
 from itertools import chain, count
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -315,6 +315,9 @@ def given_values(part: msgspec.Struct) -> Values:
 
 # -- errors -----------------------------------------------------------------------------------------------------
 
+_FEW = 3  # places of a key that are named
+_LIST = "[]"  # at the end of the place of a list
+_IN_PYTHON = {"start_node_id": "node", "start": "node", "osm": "file", "turns": "max_turns"}  # name -> key in files
 _TYPES = {
     "int": "a whole number",
     "float": "a number",
@@ -332,14 +335,7 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
         fields = _fields_of(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
-                is_elsewhere = bool(path) and key in _fields_of(Spec)
-                hint = (
-                    " It belongs at the top of the file, beside map and teams."
-                    if is_elsewhere
-                    else nearest(key, fields)
-                )
-                rule = f" Write {{rule: {key}, with: {{…}}}}." if option is Rule and "rule" not in value else ""
-                hint = hint or rule or f" Keys here are: {', '.join(fields)}."
+                hint = _hint_for_key(key, value, option, path)
                 return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
         for key, field in fields.items():
             if field.required and key not in value:
@@ -350,6 +346,68 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
             except (ValueError, TypeError, RecursionError) as error:
                 return _explained(part, its_kind, joined(path, key), str(error))
     return ScenarioError(path, f"cannot be {shown(value)}: {_in_words(value, kind, message)}")
+
+
+def _hint_for_key(key: str, value: Mapping[str, Any], kind: object, path: str) -> str:
+    """Return the hint for an unknown key of a mapping: where it belongs, or the most similar key, or all keys."""
+    fields = _fields_of(kind)
+    if path and key in _fields_of(Spec):
+        return " It belongs at the top of the file, beside map and teams."
+    if kind is Rule and "rule" not in value:
+        return nearest(key, fields) or f" Write {{rule: {key}, with: {{…}}}}."
+    if isinstance(kind, type) and issubclass(kind, Rule | Code):
+        return nearest(key, fields) or f" Parameters belong into with: {{{key}: …}}."
+    wanted = _IN_PYTHON.get(key, key)
+    below = [place for place, _ in _places_of(wanted, kind)]
+    if wanted in fields or below:
+        named = "" if wanted == key else f" Scenario files call it {wanted}."
+        return named + (_belongs(below, _form_of(wanted, value, kind)) if below else "")
+    elsewhere = [place for place, one in _places_of(key, Spec) if one is not kind]
+    return nearest(key, fields) or _belongs(elsewhere) or f" Keys here are: {', '.join(fields)}."
+
+
+def _belongs(places: list[str], form: str = "") -> str:
+    """Return a sentence that names the first few places of a key; nothing without places."""
+    few = list(dict.fromkeys(place.replace(_LIST, "") for place in places))[:_FEW]
+    return f" It belongs into {' or '.join(few)}{form and f', such as {form}'}." if few else ""
+
+
+def _form_of(key: str, value: Mapping[str, Any], kind: object) -> str:
+    """Return how a key is written into a mapping inside of a mapping, with the keys that it needs there."""
+
+    def rank(found: tuple[str, type]) -> tuple[bool, bool]:
+        place, inner = found
+        return place.partition(".")[0] not in value, not any(field.required for field in _fields_of(inner).values())
+
+    place, inner = min(_places_of(key, kind), key=rank)
+    needed = [f"{name}: …" for name, field in _fields_of(inner).items() if field.required and name != key]
+    form = f"{{{', '.join([*needed, f'{key}: …'])}}}"
+    names = place.split(".")
+    for name in reversed(names):
+        form = f"[{form}]" if name.endswith(_LIST) else form
+        form = f"{name.removesuffix(_LIST)}: {form}"
+        form = form if name is names[0] else f"{{{form}}}"
+    return form
+
+
+def _places_of(key: str, kind: object, path: str = "") -> Iterator[tuple[str, type]]:
+    """Yield the place and the type of each mapping inside of a type of mapping that has a key."""
+    for name, field in _fields_of(kind).items():
+        for place, inner in _mappings_in(field.type, joined(path, name)):
+            if key in _fields_of(inner):
+                yield place, inner
+            yield from _places_of(key, inner, place)
+
+
+def _mappings_in(kind: object, path: str) -> Iterator[tuple[str, type]]:
+    """Yield the place and the type of each mapping of the schema that a value of a type may be or hold."""
+    for option in _options(kind):
+        if _fields_of(option):
+            yield path, cast("type", option)
+        elif get_origin(option) is dict:
+            yield from _mappings_in(get_args(option)[1], joined(path, "NAME"))
+        elif get_origin(option) is list:
+            yield from _mappings_in(get_args(option)[0], f"{path}{_LIST}")
 
 
 def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
@@ -391,6 +449,28 @@ def _in_words(value: object, kind: object, message: str) -> str:
     if choices:
         others = [_TYPES[name] for name in ("int", "float", "str") if getattr(builtins, name) in _options(kind)]
         return f"use one of {', '.join(map(str, [*choices, *others]))}.{nearest(value, choices)}"
+    return _required(message) + _hint_for_form(value, kind)
+
+
+def _hint_for_form(value: object, kind: object) -> str:
+    """Return the hint for a value that is not in the form of a mapping or a list: the form that it probably means."""
+    options = _options(kind)
+    mapping = next((option for option in options if _fields_of(option)), None)
+    if mapping is not None and not isinstance(value, dict):
+        keys = f" Its keys are {', '.join(_fields_of(mapping))}."
+        if isinstance(value, str) and value in _fields_of(mapping):
+            return f"{keys} Write {{{value}: …}}."
+        is_kind = mapping is Sensor and isinstance(value, str) and value.isidentifier()
+        return f"{keys} Write {{type: {value}}}." if is_kind else keys
+    if isinstance(value, list) and any(get_origin(option) is dict for option in options):
+        return " Give each a name: {NAME: …}."
+    if isinstance(value, dict) and any(get_origin(option) is list for option in options):
+        return " Begin each item with '- '."
+    return ""
+
+
+def _required(message: str) -> str:
+    """Return what msgspec says about the type of a value, in words of scenario files."""
     plain = re.sub(
         r"`([a-z |]+)`", lambda found: " or ".join(_TYPES.get(one, one) for one in found[1].split(" | ")), message
     )
