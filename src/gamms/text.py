@@ -88,6 +88,11 @@ def as_text(value: object) -> str:
         return shown(value)
 
 
+def empty_range(text: str, first: int, last: int) -> str:
+    """Return the message for a range whose ends are exchanged, such as "5:1"."""
+    return f"{shown(text)} is empty; did you mean {last}:{first}?"
+
+
 def as_digits(number: float) -> str:
     """Format a number with at most six digits; `shown(value)` for integers too large for a float."""
     try:

@@ -154,6 +154,7 @@ def test_an_error_says_with_which_seed(folder, jobs):
     [
         (["--seeds", "x"], "give 0:50 or 1,2,5"),
         (["--seeds", "7,3,7"], "a seed occurs twice"),
+        (["--seeds", "5:1"], "'5:1' is empty; did you mean 1:5?"),
         (["--seeds", "5:5"], "1 to 1,000,000 seeds"),
         (["--seeds", "0:99999999999"], "1 to 1,000,000 seeds"),
         (["--seeds", "0:99999999999999999999"], "'0:99999999999999999999': give 1 to 1,000,000 seeds, such as 0:50"),

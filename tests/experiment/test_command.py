@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from gamms import cli, experiment
 from gamms.cli import experiments
+from gamms.errors import BadValue
 from gamms.experiment import folders
 from gamms.experiment.files import read_experiment, seeds_of
 from gamms.scenario import ScenarioError
@@ -141,6 +142,11 @@ def test_a_file_may_say_how_many_processes_play(folder):
 
 def test_seeds_may_be_a_list():
     assert seeds_of([7, 3]) == [7, 3]
+
+
+def test_a_range_of_seeds_with_its_ends_exchanged_is_answered_with_the_right_one():
+    with pytest.raises(BadValue, match=r"^seeds: '5:1' is empty; did you mean 1:5\?$"):
+        seeds_of("5:1")
 
 
 @pytest.mark.parametrize("code", ["os:system", "subprocess:run", "gamms.llm:Strategy", "../players:stay"])

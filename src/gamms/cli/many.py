@@ -14,7 +14,7 @@ from gamms.errors import BadValue, nearest
 from gamms.folders import made_folder, whole_file, without_link, write_csv
 from gamms.limits import allowing, max_memory
 from gamms.progress import progress
-from gamms.text import printable_line, shown
+from gamms.text import empty_range, printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -35,6 +35,8 @@ def parsed_seeds(text: str) -> Sequence[int]:
         numbers = [int(one) for one in ((first or "0", last) if colon else text.split(","))]
     except ValueError:
         raise typer.BadParameter(f"{text!r}: give 0:50 or 1,2,5.", param_hint="--seeds") from None
+    if colon and numbers[1] < numbers[0]:
+        raise typer.BadParameter(empty_range(text, *numbers), param_hint="--seeds")
     count = numbers[1] - numbers[0] if colon else len(numbers)
     if not 0 < count <= _MOST:
         raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")

@@ -14,7 +14,7 @@ from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.code import inside
 from gamms.scenario.documents import at, named, read
-from gamms.text import shown
+from gamms.text import empty_range, shown
 
 _KEYS = ("scenario", "seeds", "vary", "sample", "out", "workers")
 _OF_SAMPLE = ("space", "n", "method", "seed")
@@ -86,7 +86,9 @@ def seeds_of(given: Plain) -> list[int]:
         raise BadValue(f"seeds are 0:50 or 1,2,5, not {shown(given)}.") from None
     if not colon:
         return numbers
-    if numbers[0] >= numbers[1]:
+    if numbers[0] > numbers[1]:
+        raise BadValue(f"seeds: {empty_range(given, *numbers)}")
+    if numbers[0] == numbers[1]:
         raise BadValue(f"seeds are 0:50 or 1,2,5, and {shown(given)} names none.")
     refuse_above((numbers[1] - numbers[0]) * _BYTES, f"A list of {numbers[1] - numbers[0]:,} seeds")
     return list(range(*numbers))
