@@ -1,6 +1,8 @@
 """The commands that play many games by a file or a protocol: `gamms experiment`, `gamms suite`, `gamms tournament`."""
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,7 +68,7 @@ def run(
     before = len(rows_in(part / JOURNAL))
     if before:
         echo(f"{part} already has {before:,} games; the run continues from there.")
-    try:
+    with _going_on(part, lambda: len(rows_in(part / JOURNAL))):
         rows = experiment.run(
             planned.scenario,
             planned.seeds if seeds is None else seeds_of(seeds),
@@ -76,9 +78,6 @@ def run(
             shard=shard,
             progress=True,
         )
-    except KeyboardInterrupt:
-        echo(f"Interrupted with {len(rows_in(part / JOURNAL)):,} games in {part}; the same command goes on.", err=True)
-        raise typer.Exit(INTERRUPTED) from None
     _print_rows(rows)
     if shard is not None:
         echo(f"\nWrote {part / JOURNAL}; when all parts are played: gamms experiment merge {folder}")
@@ -86,6 +85,16 @@ def run(
     written = [one for one in sorted(folder.glob("rows.*")) if one.suffix in (".csv", ".jsonl", ".parquet")]
     missing = "" if len(written) > 2 else f" For rows.parquet: {install_command('parquet')}."
     echo(f"\nWrote {in_words(written)}.{missing}")
+
+
+@contextmanager
+def _going_on(folder: Path, count: Callable[[], int]) -> Iterator[None]:
+    """Print after Ctrl-C in a `with` block how many games are in the folder, and that the command continues there."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        echo(f"Interrupted with {count():,} games in {folder}; the same command goes on.", err=True)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 def merge(
@@ -176,6 +185,7 @@ def suite(
     """Play a strategy on the ten tasks of the benchmark suite."""
     from gamms import suite as suites
     from gamms.experiment.files import seeds_of
+    from gamms.experiment.folders import JOURNAL, rows_in
     from gamms.suite.results import measured_references
     from gamms.workers import cores
 
@@ -190,7 +200,8 @@ def suite(
         echo(f"Wrote {file}.")
         return
     reference, code = _found(strategy, allow or [])
-    results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
+    with _going_on(out, lambda: sum(len(rows_in(one)) for one in sorted(out.glob(f"*/{JOURNAL}")))):
+        results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
     _print_results(results, strategy)
     file = out / "table.json"
     columns = {name: column.tolist() for name, column in results.table.items()}
@@ -236,6 +247,7 @@ def tournament(
     """Let entries play each other, confined."""
     from gamms import scenario, tournament
     from gamms.experiment.files import seeds_of
+    from gamms.experiment.folders import JOURNAL, rows_in
     from gamms.scenario import documents
     from gamms.workers import cores
 
@@ -246,6 +258,7 @@ def tournament(
             seeds = range(given) if isinstance(given, int) else seeds_of(given)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
-    table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
+    with _going_on(out, lambda: len(rows_in(out / JOURNAL))):
+        table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
     echo(str(table))
     echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")

@@ -133,7 +133,7 @@ def _play(name: str, seed: int | None, out: Path) -> None:
     from gamms import scenario
 
     game = scenario.from_gallery(name)
-    result = _recorded(game, seed, out, out / "game.html")
+    result = _recorded(game, seed, out, out / "game.html", is_kept=True)
     echo(f"{game.spec.name}: {result}")
     echo(
         f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (what came "
@@ -142,11 +142,11 @@ def _play(name: str, seed: int | None, out: Path) -> None:
     )
 
 
-def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "Result":
+def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path, *, is_kept: bool) -> "Result":
     """Play a game, save its result and recording in a folder, and write the page that replays it."""
     from gamms import recorder
 
-    with game.build(seed) as ctx, recorded(ctx, folder, sensed=True) as recording:
+    with game.build(seed) as ctx, recorded(ctx, folder, sensed=True, is_kept=is_kept) as recording:
         result = ctx.game.run(progress=True)
     result.save(without_link(folder / "result.json"))
     with recorder.open(recording) as whole:
@@ -178,7 +178,7 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
 def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
     """Play a game, write its replay and its still, and return its card for the page."""
     with TemporaryDirectory() as scratch:
-        result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"))
+        result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"), is_kept=False)
         turn = result.turns // 3
         recording = Path(scratch) / "game.ggr"
         still = _still(recording, folder / name, turn, "light")

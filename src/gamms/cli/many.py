@@ -84,13 +84,24 @@ def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Pa
     from gamms.workers import cores
 
     teams = list(game.spec.teams)
-    played = []
+    played: list[dict[str, Any]] = []
     with made_folder(out):
-        for seed, result in _results(game, seeds, strategies, jobs or cores()):
-            result.save(without_link(out / f"result_{seed}.json"))
-            played.append(_row(result, teams))
-        with whole_file(out / "results.csv") as whole:
-            write_csv(whole, played[0], (row.values() for row in played))
+        try:
+            for seed, result in _results(game, seeds, strategies, jobs or cores()):
+                result.save(without_link(out / f"result_{seed}.json"))
+                played.append(_row(result, teams))
+        except KeyboardInterrupt:
+            if played:
+                _write_rows(played, teams, out)
+            echo(f"{len(played):,} of {len(seeds):,} games were played.")
+            raise
+        _write_rows(played, teams, out)
+
+
+def _write_rows(played: list[dict[str, Any]], teams: list[str], out: Path) -> None:
+    """Write `results.csv`, and print a table and a summary."""
+    with whole_file(out / "results.csv") as whole:
+        write_csv(whole, played[0], (row.values() for row in played))
     header = ("seed", "turns", "winner", *teams, "reason")
     rows = [_cells(row, teams) for row in played]
     console().print(rich_table(tuple(map(printable_line, header)), rows))

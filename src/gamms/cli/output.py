@@ -187,16 +187,35 @@ def write_page(file: Path, page: bytes) -> None:
 
 
 @contextmanager
-def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[Path]:
-    """Record a game into a folder, optionally with sensor data; replace an earlier recording there."""
+def recorded(ctx: "Context", folder: Path, *, sensed: bool = False, is_kept: bool = True) -> Iterator[Path]:
+    """Record a game into a folder, optionally with sensor data; replace an earlier recording there.
+
+    After Ctrl-C, a line says up to which turn it goes, unless the folder is removed then (not `is_kept`).
+    """
     path = folder / RECORDING
-    with made_folder(folder):
+    with _saying_what_is_kept(path) if is_kept else nullcontext(), made_folder(folder):
         path.unlink(missing_ok=True)
         ctx.record.start(path, sensed=sensed)
         try:
             yield path
         finally:
             ctx.record.stop()
+
+
+@contextmanager
+def _saying_what_is_kept(path: Path) -> Iterator[None]:
+    """Print after Ctrl-C in a `with` block up to which turn the recording of a game goes."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        turns = 0
+        if path.exists():
+            from gamms import recorder
+
+            with recorder.open(path) as recording:
+                turns = recording.turns
+        echo(f"Wrote {path} (every move up to turn {turns}; gamms replay)." if turns else "No turn was recorded.")
+        raise
 
 
 @contextmanager

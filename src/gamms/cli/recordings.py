@@ -301,7 +301,11 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             trails=trails,
             sensors=sensors,
         )
-        shown = rendering.render(file, out, options, map=map, show=show)
+        try:
+            shown = rendering.render(file, out, options, map=map, show=show)
+        except KeyboardInterrupt:
+            echo(f"{out} is unchanged: its earlier file is still there." if out.exists() else f"{out} was not written.")
+            raise
     is_film = out.suffix.lower() in (".mp4", ".gif", ".html")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
     _refuse_unfinished(_missing_of(file))
