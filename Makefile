@@ -54,6 +54,7 @@ bench: $(VENV)/.dev
 
 # The documentation as a site, which needs no network once its tools are installed. A warning is an error.
 docs: $(VENV)/.docs
+	@echo "This takes a few minutes: the games of the gallery are played for the site. The next time is quicker."
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
 	@echo "$(CURDIR)/build/docs/index.html"
 

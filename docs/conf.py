@@ -2,10 +2,12 @@
 
 Pages are plain Markdown. The build adds the rest: the navigation follows the links of `index.md` and of each
 section's index, the reference is written from the source, the code of pages makes their replays, and a comment
-`<!-- index: word, other word -->` adds words under which the search finds a section. Pages for contributors are
-neither in the navigation nor in the search.
+`<!-- index: word, other word -->` adds words under which the search finds a section: whole entries as entries of the
+index, and their single words as words of the page, which also raise its rank. Pages for contributors are neither in the
+navigation nor in the search.
 """
 
+import json
 import os
 import re
 import shutil
@@ -59,7 +61,7 @@ if _ADDRESS:  # pages have a link to edit them
 
 _FOR_CONTRIBUTORS = re.compile(r"decisions/|architecture$|releasing$")
 _UNLISTED = "---\norphan: true\nnosearch: true\n---\n\n"
-_INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which the search finds the section
+_KEYWORDS = '---\nmyst:\n  html_meta:\n    keywords: "{words}"\n---\n\n'  # under which the search finds the page
 _STILL = re.compile(r"^!\[([^\]]*)\]\((figures/gallery/(\w+)\.png)\)$", re.MULTILINE)  # of a game of the gallery
 _PLAYING = (
     '```{raw} html\n<a href="_replays/gallery/\\3.html" title="Play it in this browser">'
@@ -76,6 +78,7 @@ _FRAME = (
 def setup(app: Sphinx) -> None:
     """Connect the functions of this file to the steps of a build."""
     app.connect("builder-inited", write_reference)
+    app.connect("builder-inited", write_scorer)
     app.connect("source-read", complete)
     app.connect("write-started", collect_toctrees)
     app.connect("html-page-context", shorten_navigation, priority=400)  # before the theme calls it
@@ -90,6 +93,15 @@ def write_reference(_: Sphinx) -> None:
             path.write_text(text, encoding="utf-8")
 
 
+def write_scorer(app: Sphinx) -> None:
+    """Write the ranking of the search with the index words of all pages."""
+    scorer = Path(app.doctreedir, "search_scorer.js")
+    ranking = Path(app.config.html_search_scorer).read_text(encoding="utf-8")
+    scorer.parent.mkdir(parents=True, exist_ok=True)
+    scorer.write_text(f"const pageWords = {json.dumps(pages.index_words())};\n{ranking}", encoding="utf-8")
+    app.config.html_search_scorer = str(scorer)
+
+
 def complete(_: Sphinx, docname: str, source: list[str]) -> None:
     """Add the navigation to a page of contents, and frames to pages with replays."""
     page = DOCS / f"{docname}.md"
@@ -100,10 +112,13 @@ def complete(_: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = _STILL.sub(_PLAYING, source[0])
     if docname == "index":
         source[0] = _FRONT.sub(_FRAME.format(to_root="", name="gallery/capture_the_flag.html#turn=80&play"), source[0])
-    source[0] = _INDEX.sub(_index_entries, source[0])
+    source[0] = pages.INDEX.sub(_index_entries, source[0])
     source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
+    words = pages.index_words_of(page) if page.is_file() else []
     if _FOR_CONTRIBUTORS.match(docname):
         source[0] = _UNLISTED + source[0]
+    elif words:
+        source[0] = _KEYWORDS.format(words=", ".join(words)) + source[0]
 
 
 def _index_entries(match: re.Match[str]) -> str:

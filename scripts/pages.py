@@ -21,6 +21,8 @@ EXAMPLES = (
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page shows an HTML replay that its code saves
 
+INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which the search finds the section
+
 _AFTER = re.compile(r"^<!-- after: (\S+) -->$", re.MULTILINE)
 _ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#\s]+\.md)\)", re.MULTILINE)
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
@@ -35,6 +37,18 @@ class Fence(NamedTuple):
     code: str
     line: int  # of its first line of code in the page
     printed: str | None  # what the page says that it prints
+
+
+def index_words_of(page: Path) -> list[str]:
+    """Return the single words of all comments `<!-- index: … -->` of a page, each once."""
+    comments = " ".join(INDEX.findall(page.read_text(encoding="utf-8")))
+    return [*dict.fromkeys(re.findall(r"\w+", comments.lower()))]
+
+
+def index_words() -> dict[str, list[str]]:
+    """Return the name of each page on the site -> its index words, for pages that have any."""
+    words = {page.relative_to(DOCS).with_suffix("").as_posix(): index_words_of(page) for page in all_pages()[1:]}
+    return {name: found for name, found in words.items() if found}
 
 
 def all_pages() -> list[Path]:

@@ -152,6 +152,54 @@ def test_the_search_finds_pages_under_the_words_that_people_type():
     assert WORDS_TYPED.items() - found == set()
 
 
+SEVERAL_WORDS_TYPED = {
+    "communication range": "messages",
+    "range of communication": "messages",
+    "team communication": "messages",
+    "radio range": "messages",
+    "load osm": "maps",
+    "load an osm file": "maps",
+    "partial observability": "sensors",
+    "predator prey": "gallery",
+    "stochastic": "concepts",
+    "pomdp": "belief",
+    "trajectory": "recording",
+    "trajectories": "recording",
+    "heterogeneous agents": "agents",
+    "multiplayer": "people",
+    "sensor noise": "sensors",
+    "random seed": "concepts",
+    "zero sum": "solve",
+    "turn order": "game",
+    "road network": "maps",
+    "particle filter": "belief",
+}
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
+def test_the_search_lifts_the_page_whose_index_words_are_typed_highest():
+    words = pages.index_words()
+    names = [page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES[1:]]
+    lifted = (
+        f"{json.dumps([*SEVERAL_WORDS_TYPED])}.map((query) => {json.dumps(names)}.map((page) => liftOf(page, query)))"
+    )
+    code = f"const pageWords = {json.dumps(words)}; {(DOCS / 'search_scorer.js').read_text(encoding='utf-8')}; "
+    node = ["node", "-e", f"{code}console.log(JSON.stringify({lifted}))"]
+    scores = json.loads(subprocess.run(node, capture_output=True, check=True).stdout)
+    best = {
+        query: [name for name, lift in zip(names, lifts, strict=True) if lift == max(lifts)]
+        for query, lifts in zip(SEVERAL_WORDS_TYPED, scores, strict=True)
+    }
+    assert best == {query: [page] for query, page in SEVERAL_WORDS_TYPED.items()}
+
+
+def test_a_page_is_found_under_the_single_words_of_its_comments():
+    found = pages.index_words_of(DOCS / "messages.md")
+    assert {"radio", "communication", "range", "team"} <= set(found)
+    assert len(found) == len(set(found))
+    assert not set(pages.index_words()) & {"architecture", "releasing", "README"}
+
+
 def test_the_navigation_has_at_most_60_pages_besides_the_reference():
     found, waiting = set(), [DOCS / "index.md"]
     while waiting:
