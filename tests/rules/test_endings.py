@@ -123,3 +123,13 @@ def test_impossible_arguments_are_refused_at_once(road):
         ctx.game.add(reach("red", [3, 77]))
     with pytest.raises(ValueError, match="no rule that could end it"):
         ctx.game.run()
+
+
+@pytest.mark.parametrize(("rules", "winner"), [("tag reach", None), ("reach tag", "red")])
+def test_between_rules_their_order_counts_and_not_the_time(road, rules, winner):
+    ctx = road(r=("red", 0, [1, 2, 3]), b=("blue", 1))
+    made = {"tag": tag("blue", "red", then="eliminate"), "reach": reach("red", 3)}
+    ctx.agent.get_agent("r").speed = 3
+    for name in rules.split():
+        ctx.game.add(made[name])
+    assert ctx.game.run(1).winner == winner

@@ -536,9 +536,9 @@ class Game(Surface, RuleVerbs):
         record: bool = False,
         most_agents: "MostAgents | None" = None,
     ) -> "Batch":
-        """Return a batch of games that continue from here; game i is the game after `reset(seed=seeds[i])`.
+        """Return a batch of games that continue from here; game i is a `fork` of this game after `reset(seed=seeds[i])`.
 
-        They are independent of this game, like a `fork`. See docs/batches.md.
+        Agents start where they are, also where a scenario has placed them at random. See docs/batches.md.
 
         Args:
             num_games: the number of games.
