@@ -536,7 +536,7 @@ class Game(Surface, RuleVerbs):
         record: bool = False,
         most_agents: "MostAgents | None" = None,
     ) -> "Batch":
-        """Return a batch of games that continue from here; game i is a `fork` of this game after `reset(seed=seeds[i])`.
+        """Return a batch of games that continue from here; game i is a `fork` after `reset(seed=seeds[i])`.
 
         Agents start where they are, also where a scenario has placed them at random. See docs/batches.md.
 
