@@ -106,4 +106,5 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES, *_MODULES})
+    # Without modules that only GAMMS uses: they are in the globals once they were imported.
+    return sorted({name for name in globals() if name.startswith("__")} | {*_HOMES, *_MODULES})

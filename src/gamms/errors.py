@@ -124,8 +124,16 @@ class UnknownAttribute(GammsError, AttributeError):
         return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 
 
+def list_names(package: str, known: Iterable[str]) -> None:
+    """Let `dir` and completion list the public names of a package, without its modules."""
+    listed = {*known}
+    module = vars(sys.modules[package])
+    module["__dir__"] = lambda: sorted(listed | {name for name in module if name.startswith("__")})
+
+
 def suggest_names(package: str, known: Iterable[str]) -> None:
-    """Let a package answer unknown names with the most similar of these names."""
+    """Let a package answer unknown names with the most similar of these names, and list only them."""
+    list_names(package, known)
 
     def refuse(name: str) -> NoReturn:
         raise UnknownAttribute(package, name, () if name.startswith("_") else known)

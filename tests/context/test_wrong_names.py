@@ -1,5 +1,6 @@
 """Wrong names in Python: the error names the thing, the value, what there is, and the way out."""
 
+import importlib
 import pickle
 
 import pytest
@@ -338,3 +339,14 @@ def test_a_setting_is_suggested_although_it_is_not_listed(town):
     with pytest.raises(AttributeError, match="Did you mean 'speed_unit'"):
         _ = town.game.speed_unt
     assert "speed_unit" not in dir(town.game)
+
+
+def test_dir_lists_public_names_alone_and_old_paths_can_still_be_imported(town):
+    town.visual.picture(".svg")  # which imports modules that only GAMMS uses
+    hidden = {name for name in dir(gamms) if not name.startswith("__")} - {*gamms._HOMES, *gamms._MODULES}
+    assert hidden == set()
+    for package in (gamms.agent, gamms.game, gamms.graph, gamms.memory, gamms.typing, gamms.visual, rules, strategies):
+        assert {name for name in dir(package) if not name.startswith("__")} == set(package.__all__)
+    assert importlib.import_module("gamms.game.settings").Settings
+    assert importlib.import_module("gamms.AgentEngine.agent_engine").AgentEngine is gamms.agent.AgentEngine
+    assert gamms.plain.to_plain

@@ -7,6 +7,7 @@ of agents, add a column to the block, its event, and a property.
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.engine import AgentEngine
 from gamms.agent.teams import Team
+from gamms.errors import list_names as _list_names
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.recorder import OpCodes
 
@@ -25,3 +26,4 @@ __all__ = [
     "OpCodes",
     "Team",
 ]
+_list_names(__name__, __all__)

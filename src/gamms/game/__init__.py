@@ -7,6 +7,7 @@ phase: `block` has their state, `movement` how agents go, `array_functions` what
 """
 
 from gamms.errors import IllegalMutation
+from gamms.errors import list_names as _list_names
 from gamms.game.decisions import TeamArrays
 from gamms.game.game import Game
 from gamms.game.movement.legality import IllegalAction
@@ -27,3 +28,4 @@ __all__ = [
     "SnapshotError",
     "TeamArrays",
 ]
+_list_names(__name__, __all__)

@@ -10,6 +10,7 @@ import typing as _typing
 from importlib import import_module
 
 from gamms.errors import UnknownAttribute
+from gamms.errors import list_names as _list_names
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
@@ -34,6 +35,7 @@ __all__ = [
     "StoreType",
     "grid",
 ]
+_list_names(__name__, __all__)
 
 
 def __getattr__(name: str) -> _typing.Any:

@@ -7,12 +7,14 @@ May import: `gamms.typing` and below; sqlite3 in `database.py` only, when a stor
 
 from typing import TYPE_CHECKING, Any
 
+from gamms.errors import list_names as _list_names
 from gamms.memory.engine import MemoryEngine
 
 if TYPE_CHECKING:
     from gamms.memory.store import MemoryStore, PathLike, SqliteStore
 
 __all__ = ["MemoryEngine", "MemoryStore", "PathLike", "SqliteStore"]
+_list_names(__name__, __all__)
 
 
 def __getattr__(name: str) -> Any:

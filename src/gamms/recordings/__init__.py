@@ -4,6 +4,7 @@ The command line uses these functions; programs may call the same. A client: it 
 program would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
 """
 
+from gamms.errors import list_names as _list_names
 from gamms.recordings.comparison import Difference, first_difference, verify
 from gamms.recordings.conversion import (
     context_for,
@@ -29,3 +30,4 @@ __all__ = [
     "watch",
     "with_sensed",
 ]
+_list_names(__name__, __all__)

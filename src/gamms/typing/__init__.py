@@ -8,6 +8,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from gamms.errors import list_names as _list_names
 from gamms.typing import logger
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.context import IContext
@@ -105,6 +106,7 @@ __all__ = [
     "TeamPlan",
     "logger",
 ]
+_list_names(__name__, __all__)
 
 if not TYPE_CHECKING:  # type checkers would accept any misspelled name
 

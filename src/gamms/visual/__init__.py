@@ -16,6 +16,7 @@ one file to `backends/` and one line to its `__init__`. Drawing only reads the s
 import typing as _typing
 from importlib import import_module
 
+from gamms.errors import list_names as _list_names
 from gamms.visual.constants import (
     CACHE_ZOOM_MAX,
     SHORT_EDGE_PIXEL_THRESHOLD,
@@ -122,3 +123,4 @@ __all__ = [
     "render_sensor",
     "string_to_color",
 ]
+_list_names(__name__, __all__)
