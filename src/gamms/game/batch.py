@@ -34,7 +34,7 @@ from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.random_streams import global_state, seeded_for_run
-from gamms.game.result import Result
+from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -136,6 +136,7 @@ class Batch(Immutable, NotPickled):
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
         self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
+        self._warns_of_no_end = False  # whether the current run may never end, which has not been said yet
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
@@ -401,6 +402,8 @@ class Batch(Immutable, NotPickled):
             show = line if is_shown else None
             self._ran_from = self._engine.turns()
             self._engine.stop_at = None if turns is None else self._ran_from + turns
+            limits = [turns, game.settings()["max_turns"], *(rule.spec.last_turn for rule in game.rules)]
+            self._warns_of_no_end = not any(isinstance(limit, int) for limit in limits)
             try:
                 self._run_in_core(num_threads, show)
             finally:
@@ -419,7 +422,10 @@ class Batch(Immutable, NotPickled):
             if plays_by_phases:
                 self.step()
             else:
-                self._try_play(left, threads)
+                self._try_play(min(left, MANY_TURNS), threads)
+            if self._warns_of_no_end and self._turns_of_run() >= MANY_TURNS:
+                self._warns_of_no_end = False
+                warn_of_no_end(self.game.ctx.logger)
             if show is not None:
                 self._show_progress(show)
         if before is not None and global_state() != before:
@@ -433,6 +439,12 @@ class Batch(Immutable, NotPickled):
             played = self._engine.play(most, threads)
             self._log += [{}] * played
             self._steps += played
+
+    def _turns_of_run(self) -> int:
+        """Return how many turns the games that are played in the current run have played in it."""
+        before = 0 if self._ran_from is None else self._ran_from
+        played: IntArray = (self._engine.turns() - before)[self._engine.playing]
+        return int(played.max(initial=0))
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())

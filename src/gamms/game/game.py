@@ -15,7 +15,7 @@ from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, 
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
 from gamms.game.random_streams import seeded_for_run
-from gamms.game.result import Collectors, Result, misspelt_names, what_went_wrong
+from gamms.game.result import MANY_TURNS, Collectors, Result, misspelt_names, warn_of_no_end, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
@@ -331,9 +331,12 @@ class Game(Surface, RuleVerbs):
                 stack.callback(self.ctx.record.stop)
             stack.enter_context(seeded_for_run(self.ctx, self._state.turn))
             show = stack.enter_context(progress_line())
+            warn_at = self._state.turn + MANY_TURNS if self.last_turn is None else None
             while (last is None or self._state.turn < last) and self._take_turn():
                 if progress:
                     show(f"turn {self._state.turn}{of}")
+                if self._state.turn == warn_at:
+                    warn_of_no_end(self.ctx.logger)
         if len(self.errors) > known:
             self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
         self._warn_of_misspelt(self._state.scores.keys() - scored)

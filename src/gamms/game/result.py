@@ -351,6 +351,17 @@ def warn_of_idle(teams: Iterable[Hashable], decided: Container[Hashable], named:
         )
 
 
+MANY_TURNS = 100_000  # after which a game that nothing limits may never end
+
+
+def warn_of_no_end(logger: Any) -> None:
+    """Log a warning that games which nothing limits have gone on for `MANY_TURNS` turns."""
+    logger.warning(
+        f"After {MANY_TURNS:,} turns no rule has ended the game, and nothing limits its turns: it may never end. Give "
+        "run(max_turns=…), or set max_turns of the game or scenario."
+    )
+
+
 def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:
     """Return a warning for each key of scores, and for a winner, that resembles the name of a team or an agent."""
     named = dict.fromkeys(names)
