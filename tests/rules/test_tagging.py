@@ -58,3 +58,46 @@ def test_agents_that_come_later_are_tagged_too(road):
 def test_impossible_arguments_are_refused_at_once(given, message):
     with pytest.raises((ValueError, TypeError), match=message):
         tag("red", "blue", **given)
+
+
+RIVALS = {  # two rules for the same two sides, how far apart the agents are, and the points of the one that tags
+    "the earliest contact": (tag("red", "blue", score=2), tag("red", "blue", hops=2, score=1), 2, 1),
+    "the smallest distance": (tag("red", "blue", euclid=30, score=1), tag("red", "blue", hops=1, score=2), 1, 2),
+    "the first by the text, in other units": (
+        tag("red", "blue", metres=9, score=1),
+        tag("red", "blue", hops=3, score=2),
+        0,
+        2,
+    ),
+    "the first by the text": (tag("red", "blue", score=2), tag("red", "blue", score=1), 0, 1),
+}
+
+
+@pytest.mark.parametrize("decides", RIVALS)
+def test_of_rules_with_the_same_sides_the_one_that_the_docs_name_tags(road, decides):
+    one, other, apart, points = RIVALS[decides]
+    for rules in ((one, other), (other, one)):
+        ctx = road(r=("red", 0), b=("blue", apart))
+        for rule in rules:
+            ctx.game.add(rule)
+        assert ctx.game.run(1).scores == {"red": points}
+        with ctx.game.batch(2) as games:
+            games.run(warn=False) if ctx.game.max_turns else games.step()
+            assert games.scores["red"].tolist() == [2 * points] * 2
+
+
+def test_rules_that_look_for_the_same_are_warned_about(road, caplog):
+    ctx = road(r=("red", 0), b=("blue", 0))
+    ctx.logger.setLevel("WARNING")
+    for rule in (
+        *(tag("red", "blue", score=2), tag("blue", "red", score=2), tag("red", "blue", hops=1)),
+        *(tag("red", "blue", territory={0: "red"}), tag("red", "blue", then="eliminate")),
+    ):
+        ctx.game.add(rule)
+    ctx.game.add(tag("red", "blue"), phase="before")
+    ctx.game.run(1)
+    said = [record.getMessage() for record in caplog.records if "look for" in record.getMessage()]
+    assert said == [
+        "The rules 'tag' and 'tag_5' look for the same agents at the same distances: only 'tag' has an effect, the first "
+        "by the text of its call, tag('red', 'blue', score=2)."
+    ]

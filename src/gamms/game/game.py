@@ -216,7 +216,7 @@ class Game(Surface, RuleVerbs):
         if self.ctx.is_terminated() or state.over is not None:
             return False
         if self._ruleset.unchecked:
-            self._ruleset.check_teams()
+            self._ruleset.check_new()
         if not state.has_begun:
             self._begin()
         if self._turns.prepared != self._phase.strategy_changes:
@@ -566,7 +566,7 @@ class Game(Surface, RuleVerbs):
                 "or play scenario.batch(…, record=True)."
             )
         chosen = as_seeds(num_games, seed, seeds)
-        self._ruleset.check_teams()
+        self._ruleset.check_new()
         fork = self.fork(0)
         try:
             return Batch([BatchSource(fork, None, None, None)], chosen, record=False, most_agents=most_agents)

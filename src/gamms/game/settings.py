@@ -345,7 +345,7 @@ class RuleSpec:
     Attributes:
         prepare: called with the context when the rule is added, to look at the map and to publish facts.
         check: called with the context after all have decided, to refuse moves and deeds.
-        teams: the teams that the rule mentions; see `RuleSet.check_teams`.
+        teams: the teams that the rule mentions; see `RuleSet.check_new`.
         owners: teams or other owners that the rule mentions; a name that resembles that of a team is refused.
         starts_of: texts of teams whose starts the rule reads.
         may_create_agents: whether the rule calls a function of the user, which may create agents.
@@ -360,6 +360,8 @@ class RuleSpec:
         act_as_one: makes one rule from the `parts` of all rules of a phase with the same function here; it is called in
             place of the first of them.
         parts: the parts for `act_as_one`.
+        finds: what the rule looks for; of rules of one phase that look for the same, only the first by the text of its
+            call has an effect, which is warned about. None: it is compared with none.
         brings_back: whether eliminated agents respawn, so that learners wait for it.
         uses_scores: whether the rule adds to scores or compares them, so that learners get rewards.
         last_turn: the turn after which the rule ends the game, for progress displays.
@@ -390,6 +392,7 @@ class RuleSpec:
     reads: Shape | None = None
     act_as_one: Callable[[Sequence[Any]], Rule] | None = None
     parts: Sequence[Any] = ()
+    finds: object = None
     brings_back: bool = False
     uses_scores: bool = False
     last_turn: int | None = None
@@ -528,7 +531,7 @@ class RuleSet:
 
     Attributes:
         now: the current rules; a new table after each change.
-        unchecked: rules whose teams have not been checked since they were added; see `check_teams`.
+        unchecked: rules whose teams have not been checked since they were added; see `check_new`.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -630,11 +633,11 @@ class RuleSet:
                 raise
         return bool(self.now.checks)
 
-    def check_teams(self) -> None:
+    def check_new(self) -> None:
         """Refuse new rules that mention a team that never had agents and was not declared by `create_team`.
 
         If a rule of the user may create its agents, a warning is logged instead, unless the name resembles that of
-        another team.
+        another team. New rules without an effect are warned about, too.
 
         Raises:
             UnknownName (KeyError): a rule mentions such a team.
@@ -647,7 +650,19 @@ class RuleSet:
                 if not may_come or nearest(team, teams):
                     raise UnknownName("team", team, teams, _no_agents_of(team, named.name))
                 self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
+            self._warn_of_idle(named)
         self.unchecked.clear()
+
+    def _warn_of_idle(self, named: NamedRule) -> None:
+        """Log a warning if a rule looks for the same as an earlier rule, so that one of them has no effect."""
+        wanted = named.spec.finds
+        for other in self.rules[: self.rules.index(named)] if wanted is not None else ():
+            if other.phase == named.phase and other.spec.finds == wanted:
+                first = min((other, named), key=lambda one: as_code(one.rule))
+                self._ctx.logger.warning(
+                    f"The rules {other.name!r} and {named.name!r} look for the same agents at the same distances: only "
+                    f"{first.name!r} has an effect, the first by the text of its call, {as_code(first.rule)}."
+                )
 
 
 def _unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashable]:

@@ -54,7 +54,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     (the node of the other agent at that time, or the last node that it had passed). See `contacts`.
 
     The pairs of all `tag` rules of a game are matched together, so their order does not matter: an agent is in at most
-    one pair of all rules.
+    one pair of all rules. If several rules find the same pair, that with the earliest contact tags, then that with the
+    smallest distance, as a number of its own unit, then the first by the text of its call.
 
     Args:
         taggers: a team, or a function that returns whether an agent is on this side.
@@ -120,6 +121,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             may_create_agents=any(callable(tagging.then) for tagging in taggings),
             act_as_one=_rule_of,
             parts=taggings,
+            finds=[(*tagging.sides, tagging.nearness, tagging.ground) for tagging in taggings],
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
             uses_scores=True,
             needs_nodes=any(tagging.nearness.unit == "euclid" for tagging in taggings),

@@ -373,7 +373,7 @@ class Scenario(Surface, Immutable):
             for number, scenario in enumerate(scenarios):
                 with on_map(None if maps is None else number):
                     sources.append(scenario._source_of_batch(chosen, strategies, vis_engine))
-            sources[0].game.internals.parts.rules.check_teams()
+            sources[0].game.internals.parts.rules.check_new()
             return Batch(sources, chosen, record=record, most_agents=most_agents)
         except BaseException:
             for source in sources:
