@@ -5,7 +5,7 @@ import io
 import pytest
 
 import gamms
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
 
 
 @pytest.fixture
@@ -182,6 +182,54 @@ def test_a_check_refuses_moves_and_deeds_before_they_are_done(road):
         road.game.refuse("bob", "why")
     with pytest.raises(UnknownName, match="Unknown deed 'atack'"):
         road.game.performed("atack")
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+def test_a_check_that_is_set_after_the_rule_was_added_counts(road, turns):
+    road.plans = {"ann": [], "bob": [8, 7, 6]}
+    rule = road.game.add(lambda ctx: None)
+    road.game.run(turns)
+    rule.check = lambda ctx: ctx.game.refuse("bob", "it is tired")
+    road.game.run(2)
+    assert road.agent.get_agent("bob").current_node_id == 9 - turns
+    road.game.reset()
+    rule.check = None
+    road.game.run(2)
+    assert road.agent.get_agent("bob").current_node_id == 7
+
+
+def test_a_check_that_is_set_after_the_rule_was_added_counts_in_a_batch(road):
+    rule = road.game.add(lambda ctx: None)
+    rule.check = lambda ctx: ctx.game.refuse("bob", "it is tired")
+    for agent in road.game.agents:
+        agent.strategy = gamms.strategies.random_walk
+    with road.game.batch(3) as games:
+        games.step()
+        assert {games.result(number).agents["bob"]["node"] for number in range(3)} == {9}
+
+
+def test_attributes_that_are_set_before_the_game_begins_count(road):
+    called = []
+    first = road.game.add(lambda ctx: called.append("first"))
+    second = road.game.add(lambda ctx: called.append("second"))
+    first.rank = 1
+    second.prepare = lambda ctx: called.append("prepared")
+    second.drawer = lambda ctx, data: None
+    second.drawer.artist = "mark"
+    road.game.run(1)
+    assert called == ["prepared", "second", "first"]
+    road.game.reset()
+    road.game.run(1)
+    assert called == ["prepared", *["second", "first"] * 2]
+    assert road.visual.artists.get("mark") is not None
+
+
+def test_a_key_that_is_set_after_adding_must_be_unique_too(road):
+    rules = [road.game.add(lambda ctx: None), road.game.add(lambda ctx: None)]
+    for rule in rules:
+        rule.key = "same"
+    with pytest.raises(Duplicate, match="already a rule with a key named 'same'"):
+        road.game.step()
 
 
 def test_a_strategy_knows_what_it_may_do(road):

@@ -98,6 +98,8 @@ def test_rules_that_look_for_the_same_are_warned_about(road, caplog):
     ctx.game.run(1)
     said = [record.getMessage() for record in caplog.records if "look for" in record.getMessage()]
     assert said == [
-        "The rules 'tag' and 'tag_5' look for the same agents at the same distances: only 'tag' has an effect, the first "
-        "by the text of its call, tag('red', 'blue', score=2)."
+        (
+            "The rules 'tag' and 'tag_5' look for the same agents at the same distances: only 'tag' has an effect, the "
+            "first by the text of its call, tag('red', 'blue', score=2)."
+        )
     ]

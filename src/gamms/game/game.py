@@ -90,10 +90,11 @@ class Game(Surface, RuleVerbs):
 
         A rule may have seven attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
         `check(ctx)` is called in every turn after agents have decided, and may `refuse` moves and deeds; `teams` are
-        the teams that it mentions (checked when the game begins, see docs/rules.md); `drawer(ctx, data)`
-        draws it, as an artist called `drawer.artist` unless this name is taken, on layer `drawer.layer` (12);
-        `disclose(data, names)` returns the part of `data` that agents of these names know, for planners; `rank` orders
-        the rules of a phase: higher ranks are called later (0); `key` names its state in `data` and must be unique.
+        the teams that it mentions (checked when the game begins, see docs/rules.md); `drawer(ctx, data)` draws it, as
+        an artist called `drawer.artist` unless this name is taken, on layer `drawer.layer` (12); `disclose(data,
+        names)` returns the part of `data` that agents of these names know, for planners; `rank` orders the rules of a
+        phase: higher ranks are called later (0); `key` names its state in `data` and must be unique. They may be set
+        until the game begins, `check` also later.
 
         Args:
             rule: called with the context; rules of one rank are called in the order in which they were added. Without
@@ -215,6 +216,8 @@ class Game(Surface, RuleVerbs):
         turns = self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
+        if not state.has_begun:
+            self._ruleset.renew()
         if self._ruleset.unchecked:
             self._ruleset.check_new()
         if not state.has_begun:
@@ -566,6 +569,7 @@ class Game(Surface, RuleVerbs):
                 "or play scenario.batch(…, record=True)."
             )
         chosen = as_seeds(num_games, seed, seeds)
+        self._ruleset.renew()
         self._ruleset.check_new()
         fork = self.fork(0)
         try:

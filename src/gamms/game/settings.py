@@ -506,9 +506,8 @@ class RuleTable:
     Attributes:
         rules: the rules.
         of_phase: phase -> (rules, joined rule) for each group of rules that are called as one.
-        checks: the rules that check moves and deeds, each with its function.
-        phases: the phases in which a rule is called; "check" is one of them.
-        act_before_moves: whether a rule checks moves and deeds, or executes deeds.
+        phases: the phases in which a rule is called.
+        prepared: what was called to prepare each rule, if anything.
         drawings: name of an artist -> (its drawing function, its layer).
     """
 
@@ -516,14 +515,41 @@ class RuleTable:
         self.rules = rules
         self.of_phase = {phase: _groups([one for one in rules if one.phase == phase]) for phase in PHASES}
         specs = [(one, one.spec) for one in rules]
-        self.checks = [(one, spec.check) for one, spec in specs if spec.check is not None]
-        self.phases = frozenset(["check"] * len(self.checks) + [one.phase for one in rules])
-        self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
+        self._checks = [(one, spec.check) for one, spec in specs if spec.check is not None]
+        self._own = frozenset(one.name for one in rules if getattr(one.rule, _SPEC, None) is None)
+        self._attributes = [_attributes_of(one.rule) for one in rules]
+        self.prepared = [spec.prepare for _, spec in specs]
+        self.phases = frozenset(one.phase for one in rules)
         self.drawings: dict[str, tuple[Any, int]] = {}
         for one, spec in specs:
             if spec.drawer is not None:
                 artist = str(getattr(spec.drawer, "artist", f"rule_{one.name}"))
                 self.drawings.setdefault(artist, (spec.drawer, getattr(spec.drawer, "layer", 12)))
+
+    @property
+    def checks(self) -> list[tuple[NamedRule, Callable[[Any], object]]]:
+        """The rules that check moves and deeds, each with its function as it is set now."""
+        if not self._own:  # NOTE: nothing is looked for in games of shipped rules (benchmarks: turns)
+            return self._checks
+        declared = {one.name: check for one, check in self._checks if one.name not in self._own}
+        found = [(one, declared.get(one.name) or getattr(one.rule, "check", None)) for one in self.rules]
+        return [(one, check) for one, check in found if check is not None]
+
+    @property
+    def act_before_moves(self) -> bool:
+        """Whether a rule checks moves and deeds, or executes deeds."""
+        return "deeds" in self.phases or bool(self.checks)
+
+    def changed(self) -> list[NamedRule]:
+        """Return the rules whose attributes have changed since this table was made."""
+        return [
+            one for one, known in zip(self.rules, self._attributes, strict=True) if _attributes_of(one.rule) != known
+        ]
+
+
+def _attributes_of(rule: object) -> list[Any]:
+    """Return the attributes of a user's rule that declare it."""
+    return [getattr(rule, name, None) for name in _ATTRIBUTES]
 
 
 class RuleSet:
@@ -566,6 +592,27 @@ class RuleSet:
             spec.prepare(self._ctx)
         self.put(RuleTable(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank))))
         self.unchecked.append(named)
+
+    def renew(self) -> None:
+        """Take attributes into account that were set after their rules were added; call it when a game begins.
+
+        Raises:
+            Duplicate: two rules have the same key.
+        """
+        changed = self.now.changed()
+        if not changed:
+            return
+        keys = [key for one in self.rules if (key := one.spec.key) is not None]
+        twice = next((key for key in keys if keys.count(key) > 1), None)
+        if twice is not None:
+            raise Duplicate("a rule with a key", twice)
+        before = {one.name: prepare for one, prepare in zip(self.rules, self.now.prepared, strict=True)}
+        for one in changed:
+            prepare = one.spec.prepare
+            if prepare is not None and prepare != before[one.name]:
+                prepare(self._ctx)
+        self.put(RuleTable(tuple(sorted(self.rules, key=lambda one: one.spec.rank))))
+        self.unchecked += [one for one in changed if one not in self.unchecked]
 
     def remove(self, wanted: str | Rule | NamedRule) -> None:
         """Remove a rule; see `Game.remove`."""
