@@ -2,7 +2,10 @@
 
 import pytest
 
+import gamms
+from gamms.errors import MissingKey
 from gamms.rules import Conflicts, Contest, at_random, by_priority, by_rank, nobody
+from gamms.strategies import stay
 from gamms.typing.game import Move
 
 MOVERS = tuple(
@@ -122,3 +125,65 @@ def test_an_answer_about_an_exchange_names_both_nodes(ctx):
 def test_an_error_inside_a_resolver_is_not_hidden(ctx):
     with pytest.raises(ZeroDivisionError):
         Conflicts(resolve=lambda _contest, _ctx: 1 // 0).resolve({mover.agent: mover for mover in MOVERS}, ctx)
+
+
+@pytest.fixture
+def crossing():
+    """A grid on which ann of red and bob of blue stand far from each other, and red has priority."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("ann", start_node_id=0, team="red", strategy=stay)
+        ctx.game.conflicts = Conflicts(resolve=by_priority(["red"]))
+        yield ctx
+
+
+def play_alone(ctx, turns):
+    for _ in range(turns):
+        ctx.game.step()
+
+
+def play_in_a_batch(ctx, turns):
+    with ctx.game.batch(2) as games:
+        for _ in range(turns):
+            games.step()
+
+
+LEFT_OUT = "by_priority does not list team 'blue' of agent 'bob'. Put it into the list ['red']."
+
+
+@pytest.mark.parametrize("play", [play_alone, play_in_a_batch])
+def test_priorities_that_leave_out_a_team_are_refused_before_the_first_contest(crossing, play):
+    crossing.agent.create_agent("bob", start_node_id=8, team="blue", strategy=stay)
+    with pytest.raises(MissingKey) as caught:
+        play(crossing, 1)
+    assert str(caught.value) == LEFT_OUT
+    assert crossing.game.turn == 0
+    crossing.agent.get_agent("bob").team = "red"
+    play(crossing, 2)
+
+
+@pytest.mark.parametrize("play", [play_alone, play_in_a_batch])
+def test_priorities_may_leave_out_who_makes_no_contest(crossing, play):
+    crossing.agent.create_agent("nobody", start_node_id=8, strategy=stay)
+    crossing.agent.create_agent("drone", start_node_id=8, team="blue", type="AERIAL", speed=1.0)
+    crossing.agent.create_agent("dead", start_node_id=8, team="blue", strategy=stay)
+    crossing.game.eliminate("dead")
+    play(crossing, 3)
+
+
+@pytest.mark.parametrize("play", [play_alone, play_in_a_batch])
+def test_an_agent_that_comes_later_needs_a_priority_too(crossing, play):
+    def reinforce(ctx):
+        if ctx.game.turn == 2:
+            ctx.agent.create_agent("bob", start_node_id=8, team="blue", strategy=stay)
+
+    crossing.game.add(reinforce)
+    with pytest.raises(MissingKey) as caught:
+        play(crossing, 4)
+    assert str(caught.value) == LEFT_OUT
+
+
+def test_ranks_of_agents_are_still_asked_for_in_a_contest_only(crossing):
+    crossing.game.conflicts = Conflicts(resolve=by_rank(lambda name, team: {"ann": 1}[name]))
+    crossing.agent.create_agent("bob", start_node_id=8, team="blue", strategy=stay)
+    play_alone(crossing, 2)

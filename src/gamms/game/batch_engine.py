@@ -33,6 +33,7 @@ from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_fu
 from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.block.state import GameArrays, LeavesSharedContext
+from gamms.game.conflicts import refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
     acts_before_moves,
     asked_of,
@@ -89,7 +90,6 @@ class GamesOnOneMap:
         game, state: see above.
         before, deeds: the rules of the phases "before" and "deeds".
         acts: whether functions are called between decisions and moves.
-        leaves_out: whether the order of play leaves out the team of an agent.
         core: plays the games in the core.
         cursor: calls plain functions; None: there are none.
 
@@ -116,7 +116,7 @@ class GamesOnOneMap:
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
-        self.leaves_out = bool(self._unlisted.any())
+        self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
         for agent in roster.agents if decides_at_arrivals(state.movement) else ():
             decider = decider_of(agent, settings["plans"])
             if errs(agent) and decides_in_arrays(decider, settings):  # looks are counted game by game
@@ -228,20 +228,31 @@ class GamesOnOneMap:
                 state.events.forget(game)
                 state.events.begin(game, [dict(event) for event in values.events])
 
+    @property
+    def leaves_out(self) -> bool:
+        """Whether the order of play, or the priorities in conflicts, leave out the team of an agent."""
+        return bool((self._unlisted | self._unranked).any())
+
     def refuse_unlisted(self, games: IntArray) -> None:
-        """Refuse games with a living agent whose team the order of play leaves out.
+        """Refuse games with a living agent whose team the order of play or the priorities in conflicts leave out.
 
         Raises:
-            BadValue: there is such an agent.
+            BadValue, MissingKey (KeyError): there is such an agent.
         """
-        lives = self.state.alive[games] & self._unlisted
+        lives = self.state.alive[games] & (self._unlisted | self._unranked)
         if lives.any():
             at, agent = np.argwhere(lives)[0].tolist()
             roster = self.state.roster
             number = int(games[at])
-            error = left_out(roster.names[agent], roster.teams[roster.team_of[agent]])
-            error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
-            raise error
+            name = roster.names[agent]
+            team = roster.teams[roster.team_of[agent]]
+            try:
+                if self._unlisted[agent]:
+                    raise left_out(name, team)
+                refuse_unranked(self.game.settings()["conflicts"], name, team)
+            except (GammsError, LookupError) as error:
+                error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
+                raise
 
     def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""

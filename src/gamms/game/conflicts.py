@@ -63,12 +63,12 @@ class Ranking:
     Args:
         rank: `(name, team) -> rank`, the same in all turns; the rank None never wins. A `LookupError` is raised again
             when the agent is in a contest. None: ranks are drawn at random in every turn.
-        of_team: whether the rank depends on the team only.
+        of_team: whether the rank depends on the team only; then teams without a rank are refused before they play.
     """
 
     def __init__(self, rank: Rank | None, *, of_team: bool = False) -> None:
         self.rank = rank
-        self._of_team = of_team
+        self.of_team = of_team
         self.__module__ = getattr(rank, "__module__", __name__)  # scenario files look up the module of the function
 
     def __call__(self, contest: Contest, ctx: HostContext) -> list[Move]:
@@ -86,7 +86,7 @@ class Ranking:
 
     def ranks(self, names: Sequence[str], teams: Sequence[Hashable]) -> BitArray:
         """Return the ranks of agents: numbers from 0, `core.RANK_OF_NONE` or `core.RANK_MISSING`, (agents,)."""
-        if self._of_team:
+        if self.of_team:
             of_team = {team: self._rank(name, team) for team, name in dict(zip(teams, names, strict=True)).items()}
             given = [of_team[team] for team in teams]
         else:
@@ -210,6 +210,33 @@ def ranked_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hash
     return None if (ranking.ranks(names, teams) == core.RANK_MISSING).any() else known
 
 
+def unranked(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> BoolArray:
+    """Return whether a ranking of teams leaves out the team of each agent, (agents,); None is no team."""
+    ranking = _team_ranking(conflicts)
+    if ranking is None:
+        return np.zeros(len(names), np.bool_)
+    is_missing: BoolArray = ranking.ranks(names, teams) == core.RANK_MISSING
+    return is_missing & np.array([team is not None for team in teams], np.bool_)
+
+
+def refuse_unranked(conflicts: object, name: str, team: Hashable) -> None:
+    """Raise the error of a ranking of teams for an agent whose team it leaves out.
+
+    Raises:
+        LookupError: of the rank function.
+    """
+    ranking = _team_ranking(conflicts)
+    if ranking is not None:
+        ranking.check(core.RANK_MISSING, name, team)
+
+
+def _team_ranking(conflicts: object) -> Ranking | None:
+    """Return the ranking by which teams win conflicts; None: other ranks, a function or another class decides."""
+    known = _own(conflicts)
+    ranking = None if known is None else _ranking_of(known._resolver)
+    return ranking if ranking is not None and ranking.rank is not None and ranking.of_team else None
+
+
 def _own(conflicts: object) -> Conflicts | None:
     """Return conflicts whose contests the core finds; None: a subclass or another class decides who stays."""
     is_own = isinstance(conflicts, Conflicts) and type(conflicts).resolve is Conflicts.resolve
@@ -238,10 +265,26 @@ class TurnConflicts:
     """Finds the agents that stay in each turn of a game; its working memory is reused while the agents are the same."""
 
     def __init__(self) -> None:
+        self._checked: tuple[TurnOrder | None, IConflicts | None] = None, None  # whose teams have ranks
         self._agents: _Agents | None = None
         self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
         self._key: tuple[Any, ...] = ()
+
+    def check_teams(self, conflicts: IConflicts, order: TurnOrder) -> None:
+        """Refuse living agents on the ground whose team has no rank; call it before each turn.
+
+        Raises:
+            LookupError: of the rank function, such as `MissingKey` of `by_priority`.
+        """
+        known_order, known_conflicts = self._checked
+        if order is known_order and conflicts is known_conflicts:
+            return
+        flying = set(order.slots.flying)
+        for i in np.flatnonzero(unranked(conflicts, order.names, order.all_teams())).tolist():
+            if i not in flying:
+                refuse_unranked(conflicts, order.names[i], order.all_teams()[i])
+        self._checked = order, conflicts
 
     def losers(
         self,

@@ -292,10 +292,13 @@ class TurnEngine:
 
         Raises:
             BadValue: the order of play lacks a team.
+            MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
         order = self.order()
         if order.unlisted is not None:
             raise left_out(order.unlisted.name, order.unlisted.team)
+        if self._settings.conflicts is not None:
+            self._conflicts.check_teams(self._settings.conflicts, order)
         self._groups = order.groups
         self.is_moving = True
         order.block.placed.clear()

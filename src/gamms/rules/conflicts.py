@@ -45,7 +45,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
     Raises:
         BadType: neither a list of teams nor a function. During resolution: values that cannot be compared.
         BadValue: the list is empty, or has a team twice.
-        MissingKey (KeyError): during resolution, an agent's team is not in the list.
+        MissingKey (KeyError): when a turn begins, the team of a living agent on the ground is not in the list.
     """
     if callable(teams_or_key):
         return _by_key(teams_or_key)

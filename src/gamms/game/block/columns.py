@@ -410,6 +410,10 @@ class AgentTable(NamedTuple):
         parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
         return np.array(parts, np.int64)[self.team_of]
 
+    def teams_by_agent(self) -> list[Hashable]:
+        """Return the team of each agent."""
+        return [self.teams[number] for number in self.team_of.tolist()]
+
     def unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
         """Return whether the team of each agent is missing in an order of play, (agents,)."""
         return ~self.plays_for(None if order is None else [team for part in order for team in part])

@@ -566,8 +566,7 @@ def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | Non
 
 def conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
     """Return the conflicts of a game that the core resolves; None: there are none, or a function resolves them."""
-    teams = [roster.teams[number] for number in roster.team_of.tolist()]
-    return ranked_for_all(game.settings()["conflicts"], roster.names, teams)
+    return ranked_for_all(game.settings()["conflicts"], roster.names, roster.teams_by_agent())
 
 
 def is_function(rule: NamedRule) -> bool:
