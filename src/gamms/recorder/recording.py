@@ -272,7 +272,8 @@ class Recording(Surface, StreamOwner):
         Agents, sensors, teams, scores, data, facts, memories and random streams are restored; `ctx.game.reset` returns
         to this state. The caller supplies what a recording cannot contain: strategies, rules (add them to the context
         as in the recorded program), conflicts, settings, and data of strategies outside `state["memory"]`. With the
-        same seed, strategies and rules the game continues identically.
+        same seed, strategies and rules the game continues identically. An agent that came during the recording gets
+        the plain function of the same name that decides for another agent; otherwise a warning names it.
 
         Args:
             turn: number of turns before; 0 is the start.
@@ -346,6 +347,7 @@ class Recording(Surface, StreamOwner):
         chosen = resuming.strategies_of(self.detached(turn), strategies)
         seed = resuming.as_seed(seed, resuming.seed_at(self.reader, turn))
         live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
+        own = set(live.agent.agents)
         try:
             with nullcontext() if ctx is None or live.is_recording else resuming.all_or_nothing(live):
                 become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
@@ -353,6 +355,8 @@ class Recording(Surface, StreamOwner):
                 resuming.resume(live, self.reader, turn, self.detached(turn), is_fresh=ctx is None)
                 for name, strategy in chosen.items():
                     live.agent.agents[name].register_strategy(strategy)
+                if ctx is not None or chosen:
+                    resuming.complete_strategies(live, self.detached(turn), own | {*self.state(0).agents["name"]})
                 with reporting_damage(f"This game cannot go on from turn {turn}"):
                     live.game.internals.refuse_misfits()
                 live.game.internals.checks_start = True

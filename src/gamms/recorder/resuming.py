@@ -1,12 +1,13 @@
 """Continue a game from a turn of its recording, in a live context."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
 from itertools import chain, product
 from logging import CRITICAL, getLogger
 from operator import itemgetter
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_function_of, as_ids, as_int, as_items, as_mapping
@@ -23,6 +24,7 @@ from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
 from gamms.typing.actions import makes_strategies
 from gamms.typing.context import HostContext, contexts
+from gamms.typing.game import strategy_name
 from gamms.typing.recorder import OpCodes
 
 if TYPE_CHECKING:
@@ -37,6 +39,9 @@ here."""
 
 _SEED_BITS = 63
 _STARTS = dict_of(TEXT, either(ID, tuple_of(NUMBER, NUMBER, NUMBER)))  # agent -> node or (x, y, z)
+
+
+_FEW = 5  # agents that a warning names
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
@@ -175,6 +180,43 @@ def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
             as_function_of(strategy, "A strategy", "the state")
     found = {name: given.get(name, given.get(team)) for name, team in team_of.items()}
     return {name: strategy for name, strategy in found.items() if strategy is not None}
+
+
+def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[str]) -> None:
+    """Give agents that came during a recording the strategies that they had, or log a warning that names them.
+
+    A plain function is known by its name from another agent; others, such as those that a factory makes, are not.
+
+    Args:
+        ctx: the resumed context, whose other agents have their strategies.
+        then: the recorded state.
+        own: names of agents that were in the context before, or at the start: they have what the caller gives them.
+    """
+    agents = ctx.agent.agents
+    functions = {
+        strategy_name(one.strategy): one.strategy
+        for one in agents.values()
+        if isinstance(one.strategy, FunctionType) and one.strategy.__closure__ is None
+    }
+    deciding = {one.team for one in agents.values() if one.strategy is not None}
+    columns = then.agents.columns
+    missing = []
+    for name, recorded in zip(columns["names"], columns["strategies"], strict=True):
+        agent = agents[name]
+        is_decided = agent.strategy is not None or agent.team in ctx.game.plans
+        if name in own or is_decided or not isinstance(recorded, str):
+            continue
+        if recorded in functions:
+            agent.register_strategy(functions[recorded])
+        elif agent.team in deciding:
+            missing.append(name)
+    if missing:
+        few = ", ".join(map(shown, missing[:_FEW]))
+        more = f" and {len(missing) - _FEW} more" if len(missing) > _FEW else ""
+        ctx.logger.warning(
+            f"resume: no strategy decides for agents that came during the recording, {few}{more}: they stay where they "
+            f"are. Give them, resume(…, strategies={{{shown(missing[0])}: …}}), by agent or team."
+        )
 
 
 def seed_at(reader: "Reader", turn: int) -> Any:
