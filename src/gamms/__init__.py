@@ -101,7 +101,9 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
             return found
         found = _import_module(f"gamms.{name}") if name in _MODULES else compat.resolve(name)
         if found is None:
-            raise _UnknownAttribute(__name__, name, () if name.startswith("_") else {*_HOMES, *_MODULES})
+            if name.startswith("_"):
+                raise _UnknownAttribute(__name__, name, ())
+            raise _UnknownAttribute(__name__, name, sorted({*_HOMES, *_MODULES}), compat.place_of)
         return found
 
 

@@ -443,7 +443,7 @@ def as_numbers(value: object, name: str, form: str) -> list[float]:
         BadType: `value` is not a sequence of numbers.
         BadValue: there are more or fewer, or one is NaN or infinite.
     """
-    if not hasattr(value, "__getitem__") or isinstance(value, (str, bytes, Mapping)):
+    if not (hasattr(value, "__getitem__") and hasattr(value, "__len__")) or isinstance(value, (str, bytes, Mapping)):
         raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
     parts = cast("Sequence[object]", value)  # or an array
     if getattr(value, "ndim", 1) != 1 or len(parts) != form.count(",") + 1:
@@ -569,10 +569,22 @@ def as_function_of(value: object, name: str, argument: str, most: int = 1) -> An
             f"{name} must be a function of {argument} alone, and {made_by}{signature_of(value)} is not. If it "
             f"makes such a function, call it, {made_by}(…), and pass what it returns."
         )
+    if isinstance(value, type) and _takes_nothing(value):
+        raise BadType(
+            f"{name} must be a function of {argument}, and {made_by} is a class: pass an object of it, {made_by}(), "
+            f"which is called with {argument}."
+        )
     code = getattr(getattr(value, "__func__", value), "__code__", None)
     if code is not None and code.co_flags & _GENERATOR:
         raise BadType(f"{name} must not be a generator, and {made_by} has a yield: nothing of it would be done.")
     return value
+
+
+def _takes_nothing(kind: type) -> bool:
+    """Return whether a class makes objects without arguments, so that a call with an argument fails."""
+    makers = (type(kind), "__call__"), (kind, "__init__"), (kind, "__new__")
+    usual: list[object] = [type.__call__, object.__init__, object.__new__]
+    return [getattr(owner, name) for owner, name in makers] == usual
 
 
 def _takes(function: Callable[..., Any], given: int) -> bool:

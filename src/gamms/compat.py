@@ -7,15 +7,16 @@ To retire a path, delete its line. `OLD_NAMES` still work and are not shown, nor
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from itertools import chain
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from gamms.errors import NotYetAttribute, NotYetImportable, UnknownAttribute
+from gamms.errors import BadType, NotYetAttribute, NotYetImportable, UnknownAttribute
 
+_FEW = 8  # names that an error lists
 _OLD_PATHS: dict[tuple[str, ...], str] = {
     ("gamms.agent",): "AgentEngine AgentEngine.agent_engine",
     ("gamms.context",): "internal_context",
@@ -129,10 +130,46 @@ MOVED = {
 }
 
 
+_PARTS = {  # of a context -> the class that has their names
+    "ctx.game": ("gamms.game.game", "Game"),
+    "ctx.agent": ("gamms.agent.engine", "AgentEngine"),
+    "ctx.graph": ("gamms.graph.engine", "GraphEngine"),
+    "ctx.sensor": ("gamms.sensor.engine", "SensorEngine"),
+    "ctx.record": ("gamms.recorder.recorder", "Recorder"),
+    "ctx.visual": ("gamms.visual.engine", "NoEngine"),
+}
+_SEARCHED = (
+    *("strategies", "rules", "scenario", "graph", "sensor", "osm", "recorder", "game"),
+    *("rl", "planning", "solve", "experiment"),
+)
+
+
+def part_with(name: str) -> str:
+    """Return the hint that parts of a context have a name; nothing if none has."""
+    return _there_is([f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)])
+
+
+def place_of(name: str) -> str:
+    """Return the hint that packages or parts of a context have a name; nothing if none has."""
+    packages = [f"gamms.{one}.{name}" for one in _SEARCHED if name in import_module(f"gamms.{one}").__all__]
+    parts = [f"{called}.{name}" for called, (module, kind) in _PARTS.items() if _has(module, kind, name)]
+    return _there_is([*packages, *parts])
+
+
+def _has(module: str, kind: str, name: str) -> bool:
+    return hasattr(getattr(import_module(module), kind), name)
+
+
+def _there_is(places: Sequence[str]) -> str:
+    return f" There is {' and '.join(places[:3])}." if places else ""
+
+
 class Surface:
     """Mix-in for objects that users read: lists current names, and answers unknown names with similar ones."""
 
     _called: ClassVar[str]
+    _items: ClassVar[str] = ""  # what is called for items of such an object, as a sentence
+    _elsewhere: ClassVar[Callable[[str], str] | None] = None  # returns the hint of where else there is such a name
 
     def __dir__(self) -> list[str]:
         """Return the names of the part, except settings, and names for engines and for programs of 1.0.0."""
@@ -150,7 +187,20 @@ class Surface:
             moved = MOVED.get(f"{self._called}.{name}")
             if moved is not None:
                 raise AttributeError(f"{self._called}.{name} is {moved} now.")
-            raise UnknownAttribute(self._called, name, () if name.startswith("_") else sorted(self._known_names()))
+            if name.startswith("_"):
+                raise UnknownAttribute(self._called, name, ())
+            raise UnknownAttribute(self._called, name, sorted(self._known_names()), type(self)._elsewhere)
+
+        def __getitem__(self, key: object) -> Any:
+            # Also called by loops, with 0.
+            names = [one for one in dir(self) if not one.startswith("_")]
+            hint = f" Write {self._called}.{key}." if key in names else self._items
+            raise BadType(f"{self._called} is neither a list nor a dict.{hint or _few(names)}")
+
+
+def _few(names: Sequence[str]) -> str:
+    """Return a sentence with the first few names of a part."""
+    return f" It has, among others: {', '.join(names[:_FEW])}." if names else ""
 
 
 def install() -> None:

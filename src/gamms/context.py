@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
-from gamms.compat import Surface
+from gamms.compat import Surface, part_with
 from gamms.deciding import DecidePhase, Guarded, add_copies, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.readonly import NotPickled
@@ -70,6 +70,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     _called = "ctx"
     _not_pickled = DecidePhase._not_pickled
+    _elsewhere = part_with
 
     agent_engine: Any
     graph_engine: Any

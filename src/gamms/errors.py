@@ -36,7 +36,7 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Any, NoReturn
 
@@ -98,16 +98,26 @@ class UnknownName(GammsError, KeyError):
 
 
 class UnknownAttribute(GammsError, AttributeError):
-    """A name that a package or a part of the context lacks."""
+    """A name that a package or a part of the context lacks.
 
-    def __init__(self, owner: str, name: str, known: Iterable[str]) -> None:
+    Args:
+        owner: the package or the part.
+        name: the name.
+        known: the names that it has.
+        elsewhere: a function of the module level that returns where else there is such a name, as a hint; "": nowhere.
+    """
+
+    def __init__(
+        self, owner: str, name: str, known: Iterable[str], elsewhere: Callable[[str], str] | None = None
+    ) -> None:
         super().__init__(f"{owner} has no attribute {name!r}.")
         self._wanted = name
         self._known = [one for one in known if not one.startswith("_")]
+        self._elsewhere = elsewhere or _nowhere
 
     def __str__(self) -> str:
         # Looked for here, because `hasattr` and imports of submodules show no message.
-        return super().__str__() + _way_out(self._wanted, self._known)
+        return super().__str__() + (self._elsewhere(self._wanted) or _way_out(self._wanted, self._known))
 
     @staticmethod
     def hint_of(error: BaseException) -> str:
@@ -117,11 +127,26 @@ class UnknownAttribute(GammsError, AttributeError):
             return nearest(quoted[1], dir(module)) if quoted[0] == "cannot import name " else ""
         if type(error) is not AttributeError:
             return ""
-        if isinstance(error.obj, Mapping) and error.name in error.obj:
-            return f" It is a key: write [{error.name!r}]."
+        if isinstance(error.obj, Mapping):
+            return _key_hint(error.obj, str(error.name))
+        if error.obj is None and str(error).startswith("'dict' object has no attribute '"):  # that was set
+            return _key_hint({}, str(error).split("'")[3])
         if not type(error.obj).__module__.startswith("gamms."):
             return ""
         return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
+
+
+def _key_hint(mapping: Mapping[object, object], name: str) -> str:
+    """Return the hint for a key of a mapping that was read or set as an attribute."""
+    if name in mapping:
+        return f" It is a key: write [{name!r}]."
+    methods = [one for one in dir(mapping) if not one.startswith("_")]
+    return nearest(name, methods) or f" Keys are read and set in brackets: write [{name!r}]."
+
+
+def _nowhere(_name: str) -> str:
+    """Return the hint for a name that is not looked for elsewhere."""
+    return ""
 
 
 def list_names(package: str, known: Iterable[str]) -> None:

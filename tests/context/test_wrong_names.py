@@ -183,7 +183,10 @@ WRONG = {
         lambda ctx: ctx.game.max_turn,
         "ctx.game has no attribute 'max_turn'. Did you mean 'max_turns'?",
     ),
-    "a part of the context": (lambda ctx: ctx.agents, "ctx has no attribute 'agents'. Did you mean 'agent'?"),
+    "a part of the context": (
+        lambda ctx: ctx.agents,
+        "ctx has no attribute 'agents'. There is ctx.game.agents and ctx.agent.agents.",
+    ),
     "a verb of the graph": (
         lambda ctx: ctx.graph.shortst_path,
         "ctx.graph has no attribute 'shortst_path'. Did you mean 'shortest_path'?",
@@ -350,3 +353,15 @@ def test_dir_lists_public_names_alone_and_old_paths_can_still_be_imported(town):
     assert importlib.import_module("gamms.game.settings").Settings
     assert importlib.import_module("gamms.AgentEngine.agent_engine").AgentEngine is gamms.agent.AgentEngine
     assert gamms.plain.to_plain
+
+
+def test_a_name_that_stands_elsewhere_is_found_there(town):
+    for owner, name, place in (
+        (town, "create_agent", "ctx.agent.create_agent"),
+        (town, "add_node", "ctx.graph.add_node"),
+        (gamms, "tag", "gamms.rules.tag"),
+        (gamms, "random_walk", "gamms.strategies.random_walk"),
+    ):
+        with pytest.raises(AttributeError) as caught:
+            getattr(owner, name)
+        assert str(caught.value).endswith(f" has no attribute {name!r}. There is {place}.")

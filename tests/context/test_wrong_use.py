@@ -67,6 +67,42 @@ def test_other_errors_with_tuples_have_no_hint_of_sensors(town):
     assert note_of(town, lambda state: state["legal"].pop()) == "In the strategy of agent 'ann', in turn 0."
 
 
+def test_agents_and_parts_of_a_context_have_no_items(town):
+    bob = town.agent.get_agent("bob")
+    with pytest.raises(BadType, match=r"An agent is neither a list nor a dict. Write agent.team."):
+        bob["team"]
+    with pytest.raises(BadType, match=r"ctx.agent is neither .* ctx.agent.get_agent\(name\) returns an agent"):
+        town.agent["bob"]
+    with pytest.raises(BadType, match=r"ctx is neither a list nor a dict. Write ctx.graph."):
+        town["graph"]
+    for part in (bob, town, town.agent, town.game):
+        with pytest.raises(TypeError):
+            list(part)
+    assert list(town.agent.create_iter()) == [bob]
+
+
+def test_games_of_a_batch_are_not_its_items(town):
+    town.game.add(last_team())
+    with town.game.batch(2) as games:
+        with pytest.raises(BadType, match=r"batch.result\(0\) is the result of its first game"):
+            games[0]
+        with pytest.raises(BadType, match=r"run takes no keyword 'turns'. Did you mean 'max_turns'?"):
+            games.run(turns=3)
+        with pytest.raises(AttributeError, match="Did you mean 'result'"):
+            games.results  # noqa: B018 - raises
+
+
+class Chaser:
+    def __call__(self, state):
+        state["action"] = state["curr_pos"]
+
+
+def test_a_class_is_not_taken_for_a_strategy(town):
+    with pytest.raises(BadType, match=r"Chaser is a class: pass an object of it, Chaser\(\)"):
+        town.agent.create_agent("ann", start_node_id=0, strategy=Chaser)
+    town.agent.create_agent("ann", start_node_id=0, strategy=Chaser())
+
+
 def test_a_key_that_is_read_as_an_attribute_is_answered_with_the_key(town):
     assert note_of(town, lambda state: state["sensor"]["street"][1].nodes).endswith("It is a key: write ['nodes'].")
     town.agent.delete_agent("ann")

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from math import hypot
-from typing import Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from gamms import kernels
 from gamms.agent.carried_sensors import carried
@@ -66,6 +66,13 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     __slots__ = ()
 
     _called = "agent"
+
+    if not TYPE_CHECKING:  # type checkers know that it has no items
+
+        def __getitem__(self, key: object) -> Any:
+            # NOTE: without `__getattr__`, see `_guarded_kind`.
+            is_known = isinstance(key, str) and hasattr(self, key)
+            raise BadType(f"An agent is neither a list nor a dict. Write agent.{key if is_known else 'name'}.")
 
     _SETTABLE: ClassVar = SETTABLE
     _ACTION: ClassVar[str]  # the choice of a strategy, for messages

@@ -73,6 +73,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     """The agents of one context."""
 
     _called = "ctx.agent"
+    _items = " ctx.agent.get_agent(name) returns an agent, and ctx.agent.create_iter() loops over all of them."
 
     def __init__(self, ctx: IContext) -> None:
         self._phase = phase_of(ctx)

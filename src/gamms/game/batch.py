@@ -11,8 +11,20 @@ from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
-from gamms.errors import BadValue, GammsError, UnknownName
+from gamms.arguments import (
+    as_array,
+    as_bool,
+    as_choice,
+    as_count,
+    as_ids,
+    as_int,
+    as_key,
+    as_mapping,
+    as_path,
+    names_keywords,
+)
+from gamms.compat import Surface
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch_engine import BatchEngine, movement_in_core
@@ -79,7 +91,7 @@ class _SingleGame(NamedTuple):
     game: PlayedGame
 
 
-class Batch(Immutable, NotPickled):
+class Batch(Surface, Immutable, NotPickled):
     """Many games of one scenario, each with its own seed: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
     Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games, and calls plain
@@ -97,6 +109,8 @@ class Batch(Immutable, NotPickled):
     maps: IntArray
     slow: str | None
     is_closed: bool
+    _called = "batch"
+    _items = " batch.result(0) is the result of its first game, and batch.table() has a row for each game."
     _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
     _not_pickled = (
         "A batch can neither be pickled nor copied, because it plays in a context. Pickle its scenario and make a "
@@ -373,6 +387,7 @@ class Batch(Immutable, NotPickled):
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
+    @names_keywords
     def run(self, max_turns: int | None = None, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
         """Play all games to their ends, or for a number of turns, after which `run` and `step` continue them.
 
@@ -635,6 +650,7 @@ class Batch(Immutable, NotPickled):
             late[game] = over is not None and over["truncated"]
         return late
 
+    @names_keywords
     def result(self, game: int) -> Result:
         """Return the result of a game so far; timings are 0 if the core plays it."""
         number = self._as_game(game)
@@ -659,6 +675,7 @@ class Batch(Immutable, NotPickled):
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
+    @names_keywords
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
         """Write a recording of the turns of a game played so far, as `scenario.play(seed=…, record=path)` does.
 
@@ -732,6 +749,7 @@ class Batch(Immutable, NotPickled):
             raise BadValue(f"Game {game} was loaded, so it cannot be played from its start: begin it with reset first.")
         return first
 
+    @names_keywords
     def context(self, game: int) -> Any:
         """Return a context that shows a game; it is updated after each turn.
 

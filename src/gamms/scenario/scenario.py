@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
-from gamms.compat import Surface
+from gamms.compat import Surface, part_with
 from gamms.context import Context, create_context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
@@ -35,6 +35,14 @@ from gamms.visual import Engine
 _PROBES = 2  # other seeds that are tried to see whether functions depend on the seed
 _AMONG = 1000  # the seeds of a batch, from the first, among which these are
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
+
+
+def _place_in_scenario(name: str) -> str:
+    """Return the hint that the contents of a scenario, or parts of its context, have a name; nothing if none has."""
+    if name in Spec.__struct_fields__:
+        return f" There is scenario.spec.{name}."
+    found = part_with(name)
+    return f"{found[:-1]}, where ctx = scenario.build(seed=…). scenario.play(…) plays a whole game." if found else ""
 
 
 class Scenario(Surface, Immutable):
@@ -65,6 +73,7 @@ class Scenario(Surface, Immutable):
     key_variable: str | None
     spec: Spec
     _called = "scenario"
+    _elsewhere = _place_in_scenario
     _way_out = "scenario.replace(…) returns a scenario with other values."
 
     def __init__(
