@@ -67,6 +67,31 @@ def test_other_errors_with_tuples_have_no_hint_of_sensors(town):
     assert note_of(town, lambda state: state["legal"].pop()) == "In the strategy of agent 'ann', in turn 0."
 
 
+@pytest.mark.parametrize(
+    ("action", "flaw"),
+    [
+        ({"node_id": 1, "orientaton": (0, 1)}, "Unknown key of an action 'orientaton'. Did you mean 'orientation'?"),
+        ({"nodeid": 1}, "Unknown key of an action 'nodeid'. Did you mean 'node_id'?"),
+        ({"node_id": 1, "note": "x", 7: 8}, None),
+    ],
+)
+def test_only_a_misspelt_key_of_an_action_is_refused(town, action, flaw):
+    def strategy(state):
+        state["action"] = action
+
+    town.agent.create_agent("ann", start_node_id=0, strategy=strategy)
+    assert [error["message"] for error in town.game.run(1).errors] == [f"BadValue: {flaw}"] * (flaw is not None)
+
+
+def test_a_misspelt_key_of_a_flight_is_refused(town):
+    def strategy(state):
+        state["action"] = {"direction": (1, 0, 0), "distanc": 2}
+
+    town.agent.create_agent("ann", type="aerial", start_node_id=0, speed=5.0, strategy=strategy)
+    (error,) = town.game.run(1).errors
+    assert error["message"].endswith("Unknown key of an action 'distanc'. Did you mean 'distance'?")
+
+
 def test_agents_and_parts_of_a_context_have_no_items(town):
     bob = town.agent.get_agent("bob")
     with pytest.raises(BadType, match=r"An agent is neither a list nor a dict. Write agent.team."):
