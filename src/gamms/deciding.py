@@ -230,10 +230,14 @@ def outside_of_deciding(method: Method) -> Method:
 
     @wraps(method)
     def suspending(self: Guarded, /, *args: object, **kwargs: object) -> Any:
-        if self._phase.agent is None:
-            return method(self, *args, **kwargs)
-        with self._phase.suspended():
-            return method(self, *args, **kwargs)
+        try:
+            if self._phase.agent is None:
+                return method(self, *args, **kwargs)
+            with self._phase.suspended():
+                return method(self, *args, **kwargs)
+        except TypeError as error:
+            refuse_call(error, method, f"{self._called}.{method.__name__}", (self, *args), kwargs)
+            raise
 
     return cast("Method", suspending)
 

@@ -16,6 +16,7 @@ from gamms.arguments import (
     as_context,
     as_positive,
     as_range,
+    names_keywords,
     refuse_keywords,
     signature_of,
     takes_no_context,
@@ -563,6 +564,7 @@ def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
     return f"has no roads{whose}. {only} Export the area with its roads."
 
 
+@names_keywords
 def helsinki(
     ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool | None = None
 ) -> "nx.DiGraph[int]":

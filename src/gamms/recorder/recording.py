@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target, with_options
+from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target, names_keywords, with_options
 from gamms.compat import Surface
 from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
@@ -182,6 +182,7 @@ class Recording(Surface, StreamOwner):
 
     # -- states -------------------------------------------------------------------------------------------------
 
+    @names_keywords
     def state(self, turn: int) -> State:
         """Return the state after a number of turns; 0 is the start."""
         state = self.detached(turn := as_int(turn, "turn"))
@@ -212,6 +213,7 @@ class Recording(Surface, StreamOwner):
             raise BadValue(f"There is no state after {number} turns: this recording has {self.turns} turns.")
         return number
 
+    @names_keywords
     def detached(self, turn: int) -> DetachedState:
         """Return the state after a number of turns, valid until the next call."""
         turn = self._as_turn(turn)
@@ -258,6 +260,7 @@ class Recording(Surface, StreamOwner):
         *,
         ctx: C,
     ) -> C: ...
+    @names_keywords
     def resume(
         self,
         turn: int,
@@ -367,6 +370,7 @@ class Recording(Surface, StreamOwner):
         return live
 
     @with_options()
+    @names_keywords
     def save(
         self,
         path: str | os.PathLike[str],
@@ -412,6 +416,7 @@ class Recording(Surface, StreamOwner):
     def _save_page(self, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
         write_whole(as_target(path), pages["gamms"](self, **options), through_links=True)
 
+    @names_keywords
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
         """Write the knowledge of a team as a separate recording; see docs/recording.md.
 
@@ -431,6 +436,7 @@ class Recording(Surface, StreamOwner):
         with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
             write_cut(self.reader, self.graph.columns(), stream, team)
 
+    @names_keywords
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy received in a turn; requires recorded sensor data.
 
@@ -526,6 +532,7 @@ class Recording(Surface, StreamOwner):
         """
         return tables.steps(self.reader, *self._logs_of(start, stop), self._names_at)
 
+    @names_keywords
     def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
         """Write the positions of agents at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
 

@@ -6,7 +6,7 @@ A turn is the time from 0 to 1; `gamms.core.contacts` finds the contacts.
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
+from gamms.arguments import as_context, as_flag, as_items, as_key, as_range, names_keywords
 from gamms.context import Context
 from gamms.core.contacts import Contacts
 from gamms.core.rules import Tagging, fill_steps
@@ -30,6 +30,7 @@ class Contact(NamedTuple):
     b_xy: tuple[float, float] | None = None  # in games by metres: the exact position of `b`
 
 
+@names_keywords
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     ctx: Context,
     a: Side,
