@@ -117,6 +117,14 @@ def test_games_of_a_batch_are_not_its_items(town):
             games.results  # noqa: B018 - raises
 
 
+def test_tracks_take_names(town):
+    assert town.game.tracks(["bob"]) == town.game.tracks([town.agent.get_agent("bob")])
+    with pytest.raises(UnknownName, match="Did you mean 'bob'"):
+        town.game.tracks(["bbo"])
+    with pytest.raises(BadType, match="agents must be a list of agents or their names, not 'bob'"):
+        town.game.tracks("bob")
+
+
 class Chaser:
     def __call__(self, state):
         state["action"] = state["curr_pos"]

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
-from gamms.arguments import as_bool, as_key, as_name
+from gamms.arguments import as_bool, as_items, as_key, as_name
 from gamms.deciding import Protected, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
@@ -116,15 +116,20 @@ class RuleVerbs(Settings):
             fields_of(deed, self.deeds)
         refusals.add(self._agent(agent).name, reason, deed)
 
-    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
-        """Return the track of each agent in this turn: its nodes, with times from 0 to 1.
+    def tracks(self, agents: Iterable[IAgent | str]) -> list[Track]:
+        """Return the track of each agent, or of its name, in this turn: its nodes, with times from 0 to 1.
 
         An agent that stayed is on its node from time 0 on. An agent that flew, or that a rule has placed since its
         move, is on its node only at time 1.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
         """
+        given = as_items(agents, "agents", "agents or their names")
+        found = [one if hasattr(one, "name") else self._agent(one) for one in given]
         moves = self._state.moves
-        tracks: list[Track] | None = None if moves is None else moves.tracks(agents)
-        return [Track((agent.current_node_id,), (1.0,)) for agent in agents] if tracks is None else tracks
+        tracks: list[Track] | None = None if moves is None else moves.tracks(found)
+        return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
 
     @overload
     def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
