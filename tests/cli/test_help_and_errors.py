@@ -176,6 +176,14 @@ def test_an_option_of_games_in_browsers_without_web_is_refused(option):
     assert "needs --web" in done.stderr
 
 
+@pytest.mark.parametrize("option", [["--window"], ["--film", "game.mp4"]])
+def test_a_game_in_browsers_has_neither_a_window_nor_a_film(option):
+    done = run("run", "game.yaml", "--web", *option)
+    assert done.exit_code == 2
+    assert option[0] in done.stderr
+    assert "leave out --web" in done.stderr
+
+
 def test_a_folder_that_holds_a_recording_and_a_recording_that_is_to_be_played_say_so(folder):
     run("run", "game.yaml", "--out", "out")
     assert "'out' is a folder, not a recording: give the file in it, 'out/game.ggr'." in run("replay", "out").stderr

@@ -319,3 +319,16 @@ def test_a_reference_with_a_dot_for_the_colon_is_named():
     )
     with pytest.raises(ScenarioError, match=r"Did you mean 'gamms\.strategies:chase'"):
         made.build()
+
+
+def test_a_reference_with_arguments_is_told_where_they_belong():
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:goto(3)"}}
+    made = Scenario(map={"grid": {"width": 2, "height": 2}}, teams=teams)
+    with pytest.raises(ScenarioError, match=r"Parameters belong into with: \{…\}"):
+        made.build()
+
+
+def test_a_reference_to_a_value_says_that_it_is_no_function(folder, made):
+    (folder / "values.py").write_text("speed = 3\n")
+    with pytest.raises(ScenarioError, match=r"'speed' in 'values\.py:speed' is not a function, but 3"):
+        made({"teams.red.strategy": "values.py:speed"}).build()

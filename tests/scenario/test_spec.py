@@ -105,6 +105,7 @@ WRONG = [
     ({"grid": {}}, "grid", "It belongs into map, such as map: {grid: …}."),
     ({"speed_unit": "metres"}, "speed_unit", "It belongs into settings, such as settings: {speed_unit: …}."),
     ({"order": []}, "order", "It belongs into settings"),
+    ({"teams.red.size": 3}, "teams.red.size", "Scenario files call it count."),
     ({"turns": 5}, "turns", "Scenario files call it max_turns."),
     ({"teams.red.node": 3}, "teams.red.node", "It belongs into agents, such as agents: [{name: …, node: …}]."),
     ({"teams.red.start_node_id": 3}, "teams.red.start_node_id", "Scenario files call it node. It belongs into agents,"),
@@ -139,6 +140,13 @@ def test_an_error_names_the_place_and_the_way_out(made, changes, path, hint):
     assert str(raised.value).startswith(f"{raised.value.place}: ")
     assert hint in str(raised.value)
     assert isinstance(raised.value, (GammsError, ValueError))
+
+
+def test_a_misspelt_section_that_is_missing_is_named_rather_than_a_key_of_its_items(little):
+    sections = {key: value for key, value in little.items() if key not in ("rules", "sensors")}
+    for key in ("rule", "sensor"):
+        with pytest.raises(ScenarioError, match=f"Did you mean '{key}s'"):
+            scenario.Scenario(**sections, **{key: []})
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,10 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     """Play the game in a scenario file."""
     from gamms import scenario
 
-    if not web:
+    if web:
+        shown = {"--window": window, "--film": film is not None}
+        _refuse_given(shown, "a game that is served to browsers has none: leave out --web.")
+    else:
         served = {"--port": port != 0, "--host": host != HERE, "--allow-network": allow_network, "--watch": watch}
         _refuse_given(served, "this option needs --web.")
     if web or seeds is not None:

@@ -24,7 +24,7 @@ from gamms.arguments import (
     names_keywords,
 )
 from gamms.compat import Surface
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch_engine import BatchEngine, movement_in_core

@@ -39,7 +39,6 @@ here."""
 
 _SEED_BITS = 63
 _STARTS = dict_of(TEXT, either(ID, tuple_of(NUMBER, NUMBER, NUMBER)))  # agent -> node or (x, y, z)
-
 _FEW = 5  # agents that a warning names
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
 

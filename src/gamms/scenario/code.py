@@ -168,7 +168,8 @@ def chosen(text: str, path: str) -> tuple[CodeReference, Path]:
     """
     left, colon, function = _in_full(text, None).rpartition(":")
     if not colon:
-        raise ScenarioError(path, f"{text!r} is not a reference to code; write mine.py:strategy or module:function.")
+        form = "write mine.py:strategy or module:function"
+        raise ScenarioError(path, f"{text!r} is not a reference to code; {form}.{_built_in(text)}")
     file = Path(left).absolute() if left.endswith(".py") else None
     folder = Path.cwd() if file is None else file.parent
     top = left.partition(".")[0]
@@ -233,7 +234,8 @@ def _located(text: str, sources: CodeSources, path: str, short: str | None = Non
     left, colon, function = _in_full(text, short).partition(":")
     is_file = left.endswith(".py") or "/" in left or "\\" in left
     if (colon and not function.isidentifier()) or not (is_file or _is_dotted(left)):
-        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.")
+        hint = " Parameters belong into with: {…}." if "(" in text else ""
+        raise ScenarioError(path, f"{shown(text)} is not a reference to code; write module:function.{hint}")
     if is_file:
         file = inside(left, folder, path, "Python file")
         if not file.is_file():
@@ -271,6 +273,11 @@ def _in(folder: Path, found: CodeReference) -> CodeReference:
     return found._replace(owner=private_package(folder))
 
 
+def _built_in(name: str) -> str:
+    """Return the hint that a strategy of GAMMS has a name like this one."""
+    return nearest(name, offered("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
+
+
 def _owner(found: CodeReference, sources: CodeSources) -> str:
     """Return the installed package, or its part, whose functions may be named."""
     from importlib.metadata import entry_points
@@ -288,8 +295,7 @@ def _owner(found: CodeReference, sources: CodeSources) -> str:
         spec = None
     if spec is None:
         where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
-        built_in = nearest(dotted, offered("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
-        hint = _neighbour(dotted, sources.folder) or built_in or _function_called(found, sources.folder)
+        hint = _neighbour(dotted, sources.folder) or _built_in(dotted) or _function_called(found, sources.folder)
         raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
     for package in sources.allow:
         if dotted == package or dotted.startswith(f"{package}."):
@@ -454,7 +460,9 @@ def function_of(found: CodeReference, folder: Path | None) -> Function:
         module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
         own = offered(found.module) if found.file is None else {}
         function: Function | None = own.get(found.wanted) or getattr(module, found.wanted, None)
-    if not callable(function):
+    if function is not None and not callable(function):
+        raise ScenarioError(found.path, f"{found.wanted!r} in {found.text!r} is not a function, but {shown(function)}.")
+    if function is None:
         hint = nearest(found.wanted, [name for name in vars(module) if not name.startswith("_")])
         raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.text!r}.{hint}")
     if found.owner is not None and not is_defined_in(function, found.owner):

@@ -317,7 +317,13 @@ def given_values(part: msgspec.Struct) -> Values:
 
 _FEW = 3  # places of a key that are named
 _LIST = "[]"  # at the end of the place of a list
-_IN_PYTHON = {"start_node_id": "node", "start": "node", "osm": "file", "turns": "max_turns"}  # name -> key in files
+_IN_PYTHON = {  # other name -> key in files
+    "start_node_id": "node",
+    "start": "node",
+    "osm": "file",
+    "turns": "max_turns",
+    **dict.fromkeys(("size", "number", "num", "agent_count"), "count"),
+}
 _TYPES = {
     "int": "a whole number",
     "float": "a number",
@@ -357,6 +363,9 @@ def _hint_for_key(key: str, value: Mapping[str, Any], kind: object, path: str) -
         return nearest(key, fields) or f" Write {{rule: {key}, with: {{…}}}}."
     if isinstance(kind, type) and issubclass(kind, Rule | Code):
         return nearest(key, fields) or f" Parameters belong into with: {{{key}: …}}."
+    sibling = nearest(key, [field for field in fields if field not in value]) if kind is Spec else ""
+    if sibling:
+        return sibling
     wanted = _IN_PYTHON.get(key, key)
     below = [place for place, _ in _places_of(wanted, kind)]
     if wanted in fields or below:
