@@ -117,6 +117,21 @@ def test_games_of_a_batch_are_not_its_items(town):
             games.results  # noqa: B018 - raises
 
 
+@pytest.mark.parametrize(
+    ("name", "way_out"),
+    [
+        ("over", "A rule ends a game: ctx.game.end(reason, winner=…)."),
+        ("scores", "Set its values: ctx.game.scores['red'] += 1."),
+        ("rules", "Call ctx.game.add(rule) and ctx.game.remove(name)."),
+        ("agents", "ctx.game.agents cannot be set."),
+    ],
+)
+def test_attributes_that_are_only_read_say_what_a_rule_does_instead(town, name, way_out):
+    with pytest.raises(AttributeError, match=f"ctx.game.{name} cannot be set") as caught:
+        setattr(town.game, name, 1)
+    assert str(caught.value).endswith(way_out)
+
+
 def test_tracks_take_names(town):
     assert town.game.tracks(["bob"]) == town.game.tracks([town.agent.get_agent("bob")])
     with pytest.raises(UnknownName, match="Did you mean 'bob'"):
@@ -134,6 +149,14 @@ def test_a_class_is_not_taken_for_a_strategy(town):
     with pytest.raises(BadType, match=r"Chaser is a class: pass an object of it, Chaser\(\)"):
         town.agent.create_agent("ann", start_node_id=0, strategy=Chaser)
     town.agent.create_agent("ann", start_node_id=0, strategy=Chaser())
+
+
+def test_a_function_that_resolves_conflicts_is_shown_where_it_belongs(town):
+    def first_wins(moves, ctx):
+        """Do nothing."""
+
+    with pytest.raises(BadType, match=r"Write gamms.rules.Conflicts\(resolve=first_wins\)"):
+        town.game.conflicts = first_wins
 
 
 def test_a_key_that_is_read_as_an_attribute_is_answered_with_the_key(town):

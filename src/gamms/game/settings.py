@@ -29,7 +29,7 @@ from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
 from gamms.ir.game_state import GameState
 from gamms.plain import Shape, refuse_misfit, to_plain
-from gamms.readonly import ReadOnlyMapping
+from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import ChannelOptions, IConflicts, Rule
@@ -62,6 +62,15 @@ class UnknownSetting(GammsError, AttributeError):
     def __init__(self, name: str, known: Iterable[str]) -> None:
         hint = nearest(name, known) or f" The settings are: {', '.join(known)}."
         super().__init__(f"ctx.game has no {name!r}.{hint} What rules remember belongs into ctx.game.data.")
+
+
+_ENDS = " A rule ends a game: ctx.game.end(reason, winner=…)."
+_WAYS_OUT = {  # attributes that are only read -> what a rule writes instead
+    "over": _ENDS,
+    "is_over": _ENDS,
+    "scores": " Set its values: ctx.game.scores['red'] += 1.",
+    "rules": " Call ctx.game.add(rule) and ctx.game.remove(name).",
+}
 
 
 class Settings(ContextPart):
@@ -129,11 +138,19 @@ class Settings(ContextPart):
         check = _CHECKS.get(name)
         if name[0] != "_":
             self._phase.refuse(f"set ctx.game.{name}")
-        if check is None and self._is_closed and not name.startswith("_") and not hasattr(self, name):
-            raise UnknownSetting(name, _CHECKS)
+        if check is None and self._is_closed and not name.startswith("_"):
+            self._refuse_unknown(name)
         object.__setattr__(self, name, value if check is None else check(name, value))
         if check is not None:
             self._phase.setting_changes += 1
+
+    def _refuse_unknown(self, name: str) -> None:
+        """Refuse to set an attribute that is no setting: one that a game lacks, or one that is only read."""
+        known = getattr(type(self), name, None)
+        if isinstance(known, property) and known.fset is None:
+            raise ReadOnly(f"ctx.game.{name} cannot be set.{_WAYS_OUT.get(name, '')}")
+        if known is None and not hasattr(self, name):
+            raise UnknownSetting(name, _CHECKS)
 
     def settings(self) -> dict[str, Any]:
         """Return all settings, for `configure`."""
@@ -273,9 +290,11 @@ def as_order(name: str, value: object) -> tuple[tuple[Any, ...], ...] | None:
 
 def _conflicts(name: str, value: object) -> Any:
     if value is not None and (isinstance(value, type) or not callable(getattr(value, "resolve", None))):
+        is_resolver = callable(value) and not isinstance(value, type)
+        way_out = f" Write gamms.rules.Conflicts(resolve={as_code(value)})." if is_resolver else ""
         raise BadType(
             f"ctx.game.{name} must have a method resolve(moves, ctx), as the object gamms.rules.Conflicts() has, not "
-            f"{shown(value)}."
+            f"{shown(value)}.{way_out}"
         )
     return value
 
