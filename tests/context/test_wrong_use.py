@@ -64,7 +64,114 @@ def test_the_pair_of_a_sensor_is_explained_to_plans_and_coroutines(town):
 
 
 def test_other_errors_with_tuples_have_no_hint_of_sensors(town):
-    assert note_of(town, lambda state: state["legal"].pop()) == "In the strategy of agent 'ann', in turn 0."
+    assert note_of(town, lambda state: (*state["legal"], 1).pop()) == "In the strategy of agent 'ann', in turn 0."
+
+
+def set_attribute(state):
+    state.visits = 3
+
+
+def add_to_a_legal_node(state):
+    state["legal"][0] += 1
+
+
+@pytest.mark.parametrize(
+    ("strategy", "hint"),
+    [
+        (lambda state: state["legal"].pop(), "has the nodes that state['action'] may be, and cannot be changed."),
+        (add_to_a_legal_node, "has the nodes that state['action'] may be, and cannot be changed."),
+        (lambda state: state["curr_pos"]["x"], "is the id of a node: ctx.graph.graph.get_node(…) has its x and y."),
+        (set_attribute, "Set state.action; notes belong into state['memory']."),
+        (lambda state: state["memory"].visits, "Keys are read and set in brackets: write ['visits']."),
+    ],
+)
+def test_a_value_of_the_state_that_is_taken_for_another_kind_is_explained(town, strategy, hint):
+    assert note_of(town, strategy).endswith(hint)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "hint"),
+    [
+        (lambda state: state["visits"], "The state has: 'curr_pos', "),
+        (lambda state: state["memory"]["visits"], "has no such key yet: read state['memory'].get('visits', …)."),
+        (lambda state: state["sensor"]["camera"], "Its sensors are: 'eyes', 'near', 'street'."),
+        (lambda state: state["sensor"]["eyes"][1]["bbo"], "Sensor 'eyes' shows now: 'bob'."),
+    ],
+)
+def test_a_missing_key_is_looked_for_in_the_dict_that_lacks_it(town, strategy, hint):
+    town.agent.create_agent("ann", start_node_id=0, team="red", sensors=SENSORS, strategy=strategy)
+    with pytest.raises(KeyError) as caught:
+        town.game.step()
+    assert hint in caught.value.__notes__[-1]
+
+
+def test_values_that_a_strategy_puts_into_its_state_do_not_hide_its_error(town):
+    def strategy(state):
+        state["sensor"] = 5
+        raise KeyError("own")
+
+    town.agent.create_agent("ann", start_node_id=0, strategy=strategy)
+    with pytest.raises(KeyError, match="own"):
+        town.game.step()
+
+
+@pytest.mark.parametrize(
+    ("rule", "hint"),
+    [
+        (lambda ctx: [name.team for name in ctx.agent.agents], "'bob' is the name of an agent: loop over ctx.game."),
+        (lambda ctx: [name["team"] for name in ctx.agent.agents], "'bob' is the name of an agent: loop over ctx.game."),
+        (lambda ctx: ctx.game.agents["bob"], "It is a list: loop over it, or call ctx.agent.get_agent(name)."),
+        (lambda ctx: ctx.game.data["met"], "has no such key yet: begin with ctx.game.data.setdefault('met', …)."),
+        (lambda ctx: ctx.graph.graph.get_node(0)["x"], "have attributes: write .name, not ['name']."),
+    ],
+)
+def test_values_that_a_rule_takes_for_another_kind_are_explained(town, rule, hint):
+    town.game.add(rule)
+    with pytest.raises((AttributeError, KeyError, TypeError)) as caught:
+        town.game.step()
+    assert hint in caught.value.__notes__[-1]
+
+
+def replace_state(states):
+    states["ann"] = 1
+
+
+def drop_state(states):
+    del states["ann"]
+
+
+@pytest.mark.parametrize("plan", [replace_state, drop_state])
+@pytest.mark.parametrize("settings", [{}, {"time_budget": 1e-9}, {"team_memory": True}])
+def test_a_plan_that_replaces_a_state_errs(town, plan, settings):
+    town.agent.create_agent("ann", start_node_id=0, team="red")
+    town.game.configure(settings)
+    town.game.command("red", plan)
+    if "time_budget" in settings:
+        town.game.on_error = "stay"
+        assert town.game.run(1).errors[0]["kind"] == "overrun"
+        return
+    with pytest.raises(BadType, match=r"A plan sets states\['ann'\]\['action'\] = …, and leaves states\['ann'\] in"):
+        town.game.step()
+
+
+def test_actions_of_a_plan_belong_to_names_in_any_order(town):
+    def plan(states):
+        states["ann"] = states.pop("ann") | {"action": 4}
+        states["cid"]["action"] = 6
+
+    for name, node in (("ann", 0), ("cid", 5)):
+        town.agent.create_agent(name, start_node_id=node, team="red")
+    town.game.command("red", plan)
+    assert town.game.run(1).errors == []
+    assert [town.agent.get_agent(name).current_node_id for name in ("ann", "cid")] == [4, 6]
+
+
+def test_a_plan_that_loops_over_names_is_told_so(town):
+    town.agent.create_agent("ann", start_node_id=0, team="red")
+    town.game.command("red", lambda states: [state["legal"] for state in states])
+    with pytest.raises(TypeError) as caught:
+        town.game.step()
+    assert "'ann' is the name of an agent: its state is states[name]" in caught.value.__notes__[-1]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Collect the decisions of one turn from strategies, plans and awaitables."""
 
-import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
@@ -14,8 +13,9 @@ from gamms.core.agents import MoveColumns, MovingAgents
 from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
-from gamms.errors import BadType, BadValue, GammsError, UnknownAttribute, nearest
+from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import KnownFacts
+from gamms.game.hints import hint_for_strategy
 from gamms.game.movement.legality import IllegalAction, Legality
 from gamms.game.movement.streets import LegalNodes
 from gamms.game.movement.travel import GamePaths, ResolvedAction
@@ -182,46 +182,18 @@ class _Question(NamedTuple):
     are_plain: bool = False  # whether the agents of a plan move along one edge, on the ground
 
     def states(self) -> list[Any]:
-        """Return the states of its agents; for a plan of arrays, None for each agent."""
+        """Return the state of each of its agents; None: a plan of arrays, or one that has put another value there."""
         if isinstance(self.given, TeamArrays):
             return [None] * len(self.indices)
-        return list(self.given.values()) if self.is_plan else [self.given]
+        if not self.is_plan:
+            return [self.given]
+        found = map(self.given.get, self.decider.names)
+        return [state if isinstance(state, dict) else None for state in found]
 
-
-_PAIR_ERRORS = re.compile(r"tuple indices must be|SensorType|'tuple' object")  # of code that takes a pair for data
-
-
-def _hint_of(question: _Question, error: BaseException) -> str:
-    """Return a hint for a strategy or plan that has raised an error: what it probably meant."""
-    return _pair_hint(question, error) or _key_hint(question, error) or UnknownAttribute.hint_of(error)
-
-
-def _pair_hint(question: _Question, error: BaseException) -> str:
-    """Return a hint for code that uses the value of a sensor, the pair (kind, data), as its data."""
-    states = [state for state in question.states() if state is not None]
-    sensed = [(name, pair) for state in states for name, pair in (state.get("sensor") or {}).items()]
-    if type(error) is AttributeError:
-        names = [name for name, pair in sensed if pair is error.obj]
-    elif type(error) is TypeError and _PAIR_ERRORS.search(str(error)):
-        names = [name for name, _ in sensed]
-    else:
-        names = []
-    if not names:
-        return ""
-    return f" A sensor gives the pair (kind, data): write _, seen = state['sensor'][{shown(names[0])}]."
-
-
-def _key_hint(question: _Question, error: BaseException) -> str:
-    """Return a hint for a strategy that reads a sensor or a key of the state under a misspelt name."""
-    if question.is_plan or type(error) is not KeyError or not error.args:
-        return ""
-    key = error.args[0]
-    sensors = question.given.get("sensor") or {}
-    if nearest(key, sensors):
-        return f" Its sensors are: {', '.join(map(repr, sensors))}."
-    if not isinstance(key, str):
-        return ""
-    return nearest(key, question.given) or f" The state has: {', '.join(map(repr, question.given))}."
+    def hint_of(self, error: BaseException) -> str:
+        """Return what the strategy or plan that has raised an error probably meant."""
+        plan = self.given if self.is_plan and isinstance(self.given, dict) else None
+        return hint_for_strategy(error, [state for state in self.states() if state is not None], plan)
 
 
 class Decisions:
@@ -503,7 +475,13 @@ class Decisions:
             self._fail(question, BadType(f"{form}, not {shown(answer)}. To return nodes, take arrays=True."))
             return
         else:
-            for i, state in zip(indices, question.states(), strict=True):
+            states = question.states()
+            if None in states:
+                key = shown(question.decider.names[states.index(None)])
+                form = f"A plan sets states[{key}]['action'] = …, and leaves states[{key}] in its place"
+                self._fail(question, BadType(f"{form}, which is a dict."))
+                return
+            for i, state in zip(indices, states, strict=True):
                 self.take(i, state)
         self._note(question)
 
@@ -561,7 +539,7 @@ class Decisions:
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_hint_of(question, error)}")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{question.hint_of(error)}")
             raise error
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 
@@ -592,10 +570,11 @@ class Decisions:
         """Store the changed copies of the team memory."""
         if not self._settings.team_memory:
             return
+        copies: list[Memory | None]
         if isinstance(question.given, TeamArrays):
             copies = [question.given.team_memory]
         else:
-            copies = [state.get("team_memory") for state in question.states()]
+            copies = [None if state is None else state.get("team_memory") for state in question.states()]
         for i, copy in zip(question.indices, copies, strict=False):
             if copy or self.slots[i].team in self.state.team_memories:
                 self.note(i, copy)

@@ -24,9 +24,10 @@ from gamms.arguments import (
 )
 from gamms.core.rules import Rule as CoreRule
 from gamms.deciding import ContextPart, refused_while_deciding
-from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownAttribute, UnknownName, nearest
+from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
+from gamms.game.hints import hint_for_rule
 from gamms.ir.game_state import GameState
 from gamms.plain import Shape, refuse_misfit, to_plain
 from gamms.readonly import ReadOnly, ReadOnlyMapping
@@ -675,7 +676,7 @@ class RuleSet:
                     try:
                         now.rule(self._ctx)
                     except Exception as error:
-                        _add_place(error, now, phase, state)
+                        _add_place(error, now, phase, state, self._ctx)
                         raise
                     was_called = True
                     if phase == "before" and state.over is not None:
@@ -695,7 +696,7 @@ class RuleSet:
             try:
                 check(self._ctx)
             except Exception as error:
-                _add_place(error, named, "check", state)
+                _add_place(error, named, "check", state, self._ctx)
                 raise
         return bool(self.now.checks)
 
@@ -750,9 +751,8 @@ def _no_agents_of(team: Hashable, rule: str) -> str:
     return f" The rule {rule!r} mentions it, and no agent plays for it: if its agents come later, {way_out}."
 
 
-def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:
-    hint = UnknownAttribute.hint_of(error)
-    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{hint}")
+def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState, ctx: HostContext) -> None:
+    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{hint_for_rule(error, ctx)}")
 
 
 def _name_of(rule: object) -> str:
