@@ -91,8 +91,8 @@ def test_games_are_recorded_on_their_maps(tmp_path):
         games.step({"red": np.zeros((6, 3), np.int64)})
         games.run()
         for number in range(6):
-            games.record(number, tmp_path / "game.gamms")
-            with gamms.recorder.open(tmp_path / "game.gamms") as recording:
+            games.record(number, tmp_path / "game.ggr")
+            with gamms.recorder.open(tmp_path / "game.ggr") as recording:
                 again = gamms.scenario.from_recording(recording)
                 assert recording.turns == games.turn[number]
             assert again.to_dict()["map"]["grid"]["columns"] == MAPS[games.maps[number]]["grid"]["columns"]
