@@ -137,7 +137,7 @@ def last_first(name, team):
         ("def f(config): return 3", "not a dict"),
         ("def f(config): return dict.fromkeys(config, 3)", "not a strategy"),
         ("def f(config): return config['nobody']", "KeyError"),
-        ("f = 3", "no function"),
+        ("f = 3", "is not a function, but 3"),
     ],
 )
 def test_a_map_strategy_that_gives_something_else_is_an_error(made, folder, code, hint):
