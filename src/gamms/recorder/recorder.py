@@ -18,7 +18,6 @@ from gamms.recorder.compat import ComponentNames
 from gamms.recorder.components import Components
 from gamms.recorder.encoders import ENCODERS, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
-from gamms.recorder.following import Follower
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Output
@@ -26,7 +25,7 @@ from gamms.recorder.maps import without_map
 from gamms.recorder.playback import Playback
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
-from gamms.recorder.session import RecordingSession
+from gamms.recorder.session import Follower, RecordingSession
 from gamms.recorder.streams import RecordingTarget, format_of, locks, readable
 from gamms.text import shown
 from gamms.typing.context import HostContext
