@@ -212,13 +212,15 @@ def _value(expression: ast.expr, frame: FrameType) -> Any:
     return None
 
 
-def _item(owner: Any, key: object) -> Any:
+def _item(owner: object, key: object) -> Any:
     """Return an item of a plain dict, tuple or list, or of a mapping of GAMMS; None if it has none."""
-    is_plain = type(owner) in (dict, tuple, list) or (_is_ours(owner) and isinstance(owner, (dict, ReadOnlyMapping)))
-    if not is_plain or type(key) not in (str, int):
+    if not isinstance(owner, (dict, tuple, list, ReadOnlyMapping)) or not isinstance(key, (str, int)):
         return None
+    if type(owner) not in {dict, tuple, list} and not _is_ours(owner):
+        return None
+    items: Any = owner
     try:
-        return owner[key]
+        return items[key]
     except (LookupError, TypeError):
         return None
 

@@ -25,6 +25,7 @@ from gamms.text import printable_line, reason, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.graph_engine import IGraphEngine
+from gamms.typing.logger import ILogger
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -332,20 +333,22 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def warn_of_idle(teams: Iterable[Hashable], decided: Container[Hashable], named: set[Hashable], logger: Any) -> None:
+def warn_of_idle(
+    teams: Iterable[Hashable], decided: Container[Hashable], named: set[Hashable], warn: Callable[[str], object]
+) -> None:
     """Log a warning that lists teams for which nothing decides.
 
     Args:
         teams: all teams; None: agents without one.
         decided: the teams that have a strategy or a plan.
         named: the teams that were named before; those that are named now are added.
-        logger: a logger.
+        warn: logs a warning.
     """
     idle = [team for team in dict.fromkeys(teams) if team not in decided and team not in named]
     named.update(idle)
     if idle:
         listed = ", ".join("agents without a team" if team is None else f"team {shown(team)}" for team in idle)
-        logger.warning(
+        warn(
             f"No strategy decides for: {listed}. They stay where they are. Give them a strategy, or "
             "gamms.strategies.stay if this is intended."
         )
@@ -354,7 +357,7 @@ def warn_of_idle(teams: Iterable[Hashable], decided: Container[Hashable], named:
 MANY_TURNS = 100_000  # after which a game that nothing limits may never end
 
 
-def warn_of_no_end(logger: Any) -> None:
+def warn_of_no_end(logger: ILogger) -> None:
     """Log a warning that games which nothing limits have gone on for `MANY_TURNS` turns."""
     logger.warning(
         f"After {MANY_TURNS:,} turns no rule has ended the game, and nothing limits its turns: it may never end. Give "

@@ -408,7 +408,7 @@ class GameInternals(ContextPart):
         teams = ctx.agent.block.teams
         strategies = ctx.agent.storage.strategies()
         decided = {team for team, strategy in zip(teams, strategies, strict=True) if strategy is not None}
-        warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger)
+        warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger.warning)
 
     @property
     def parts(self) -> SnapshotTaker:

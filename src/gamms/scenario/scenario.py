@@ -191,7 +191,7 @@ class Scenario(Surface, Immutable):
             strategies += [one.listed.strategy for one in team if one.listed]
             if any(strategies) or not {name, *(one.name for one in team)}.isdisjoint(given):
                 decided.add(name)
-        warn_of_idle(self.spec.teams, decided, self._named_idle, logging.getLogger("gamms"))
+        warn_of_idle(self.spec.teams, decided, self._named_idle, logging.getLogger("gamms").warning)
 
     def check(self) -> list[str]:
         """Check everything that needs neither code nor a server; return a list of the checks.
