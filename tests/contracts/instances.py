@@ -30,7 +30,7 @@ from gamms import (
 )
 from gamms.rendering import Fog, RenderOptions
 from gamms.scenario import Scenario
-from gamms.sensor import SensorType
+from gamms.sensor.catalog import KINDS
 
 WALKERS = {name: {"count": 2, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")}
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -203,8 +203,7 @@ def sensors(closing: contextlib.ExitStack) -> Instances:
     """A sensor of each kind."""
     ctx = HUNT.build(seed=1)
     closing.callback(ctx.terminate)
-    kinds = [kind for kind in SensorType if kind is not SensorType.CUSTOM]
-    made = {f"sensor {kind.name}": ctx.sensor.create_sensor(kind.name, kind) for kind in kinds}
+    made = {f"sensor {kind.name}": ctx.sensor.create_sensor(kind.name, kind) for kind in KINDS}
     return {**made, "sensor of a function": ctx.sensor.from_function("fuel", lambda: 40)}
 
 

@@ -231,7 +231,7 @@ def test_a_file_says_what_is_played(folder):
     for text, said in (
         ("scenario: game.yaml\nentrys: {}\nseeds: 2\n", "unknown key 'entrys'. Did you mean 'entries'?"),
         ("scenario: game.yaml\nentries: {}\nseeds: 0-2\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, not '0-2'."),
-        ("scenario: game.yaml\nentries: {}\nseeds: 2:0\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, and '2:0'"),
+        ("scenario: game.yaml\nentries: {}\nseeds: 2:0\n", "cup.yaml: seeds: seeds: '2:0' is empty; did you mean 0:2?"),
         (
             "scenario: game.yaml\nentries: {a: entries.py:hunt, b: entries.py:hnt}\nseeds: 1\n",
             f"the entry 'b': there is no function 'hnt' in {Path.cwd() / 'entries.py'}. Did you mean 'hunt'?",

@@ -168,7 +168,8 @@ class Gif:
         self._image = image_module()
         self._fps = fps
         self._size = width, height
-        self._file = path.open("wb")
+        self._path = path
+        path.write_bytes(b"")  # an error is raised now, not after all frames
         self._palette: Any = None
         self._frames: list[bytes] = []  # compressed color indices; equal frames are stored once
         self._counts: list[int] = []  # of times that each is shown
@@ -197,8 +198,8 @@ class Gif:
         durations = (10 * np.maximum(np.diff(ends), 1.0)).astype(np.int64).tolist()
         images = self._images()
         options = {"loop": 0, "optimize": False, "duration": durations}
-        with self._file:
-            next(images).save(self._file, "GIF", save_all=True, append_images=images, **options)
+        with self._path.open("wb") as file:
+            next(images).save(file, "GIF", save_all=True, append_images=images, **options)
 
     def _images(self) -> Iterator["Image"]:
         for frame in self._frames:
@@ -207,8 +208,7 @@ class Gif:
             yield image
 
     def discard(self) -> None:
-        """Stop writing; the file is incomplete."""
-        self._file.close()
+        """Stop collecting frames; the file is empty."""
 
 
 def _palette(module: ModuleType, image: "Image") -> Any:
