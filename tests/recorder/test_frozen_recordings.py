@@ -287,7 +287,7 @@ def talkers(ctx):
     def act_and_tell(state):
         walk(state)
         state["outbox"].append({"channel": "radio", "to": None, "body": [state["turn"], state["name"]]})
-        state["action"] = {"node_id": state["action"], "do": [{"kind": "mark", "what": state["turn"]}]}
+        state["action"] = {"node_id": state["action"], "do": {"mark": state["turn"]}}
 
     ctx.game.deeds = {"mark": {"what": "integer"}}
     ctx.game.order = [["red", None], ["blue"]]
