@@ -41,8 +41,8 @@ cdef class EdgeMovers(OneEdgeMovers):
     cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    @cython.locals(row=i64)
-    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(part=i64, i=i64)
+    cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(row=i64)
     cdef int keep(self, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
@@ -69,6 +69,8 @@ cdef int copy_walk(AgentPaths steps, i64 row, AgentPaths others, i64 other, i64 
 
 @cython.locals(row=i64, node=i64, target=i64, count=i64)
 cdef int choose(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
+@cython.locals(row=i64)
+cdef int go(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
 cdef Py_ssize_t target_of(GameColumns games, EdgeMovers w, i64 game, i64 i) except -2 nogil
 @cython.locals(first=i64, place=i64)

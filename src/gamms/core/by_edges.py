@@ -143,16 +143,12 @@ class EdgeMovers(OneEdgeMovers):
         self.covered[row] = 0.0
         return begin(self.paths, i, games.node[row], -1, 0.0)
 
-    def go(self, games: GameColumns, game: int, i: int) -> int:
-        """Move an agent to the end of its move, and fit its path into its part of the turn."""
-        row = game * games.agents + i
-        moves.go(games, self, row)
-        games.edge[row] = self.ahead[row]
-        games.share[row] = self.covered[row]
-        if self.went[row] != games.node[row]:  # a rule has put it there
-            self.paths.times[i * self.paths.most] = 1.0
-        if self.parts > 1 and self.paths.lengths[i] > 1:
-            go_in_part(self.paths, i, self.part[game], self.parts)
+    def go_all(self, games: GameColumns, game: int) -> int:
+        """Move the agents of this part of the turn to the ends of their moves."""
+        part = self.part[game]
+        for i in range(games.agents):
+            if self.part_of[i] == part:
+                go(games, self, game, i)
         return 0
 
     def keep(self, game: int, i: int) -> int:
@@ -352,6 +348,19 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     w.ahead[row] = w.paths.ahead[i]
     w.covered[row] = w.paths.covered[i]
     w.ends[row] = w.paths.nodes[i * w.paths.most + w.paths.lengths[i] - 1]
+    return 0
+
+
+def go(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
+    """Move an agent to the end of its move, and fit its path into its part of the turn."""
+    row = game * games.agents + i
+    moves.go(games, w, row)
+    games.edge[row] = w.ahead[row]
+    games.share[row] = w.covered[row]
+    if w.went[row] != games.node[row]:  # a rule has put it there
+        w.paths.times[i * w.paths.most] = 1.0
+    if w.parts > 1 and w.paths.lengths[i] > 1:
+        go_in_part(w.paths, i, w.part[game], w.parts)
     return 0
 
 

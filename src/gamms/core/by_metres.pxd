@@ -32,8 +32,8 @@ cdef class MetreMovers(OneEdgeMovers):
     cdef i64 goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    @cython.locals(row=i64)
-    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(part=i64, i=i64)
+    cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
     cdef int keep(self, i64 game, i64 i) except -1 nogil
     cdef int recall(self, i64 game, i64 i) except -1 nogil
 
@@ -43,6 +43,8 @@ cdef bint is_there(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 
 cdef int set_out(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 @cython.locals(edge=i64)
 cdef Py_ssize_t edge_of(GameColumns games, MetreMovers t, i64 row) except -2 nogil
+@cython.locals(row=i64)
+cdef int go(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
 cdef int rest(MetreMovers t, i64 i) except -1 nogil
 @cython.locals(row=i64, target=i64, can_go=bint, slot=i64, where=i64)
 cdef int choose(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil

@@ -127,18 +127,12 @@ class MetreMovers(OneEdgeMovers):
         self.ends[row] = self.trips.node[i]
         return 0
 
-    def go(self, games: GameColumns, game: int, i: int) -> int:
-        """Write the end of an agent's path to the columns of the games, and fit the path into its part of the turn."""
-        row = game * games.agents + i
-        self.ends[row] = self.trips.node[i]
-        moves.go(games, self, row)
-        games.edge[row] = self.trips.edge[i]
-        games.share[row] = self.trips.share[i]
-        self.motion[row] = self.trips.motion[i]
-        if self.went[row] != games.node[row]:  # a rule has put it there
-            self.trips.times[i * (self.trips.most + 1)] = 1.0
-        if self.parts > 1 and self.trips.legs[i] > 0:
-            travel.go_in_part(self.trips, i, self.part[game], self.parts)
+    def go_all(self, games: GameColumns, game: int) -> int:
+        """Write the ends of the paths of this part of the turn to the columns of the games."""
+        part = self.part[game]
+        for i in range(games.agents):
+            if self.part_of[i] == part:
+                go(games, self, game, i)
         return 0
 
     def keep(self, game: int, i: int) -> int:
@@ -180,6 +174,21 @@ def edge_of(games: GameColumns, t: MetreMovers, row: int) -> int:
     """Return the edge that an agent is on; -1: it is on its node, or its edge is closed."""
     edge = games.edge[row]
     return edge if edge >= 0 and travel.is_open(t.roads, edge) else -1
+
+
+def go(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
+    """Write the end of an agent's path to the columns of the games, and fit the path into its part of the turn."""
+    row = game * games.agents + i
+    t.ends[row] = t.trips.node[i]
+    moves.go(games, t, row)
+    games.edge[row] = t.trips.edge[i]
+    games.share[row] = t.trips.share[i]
+    t.motion[row] = t.trips.motion[i]
+    if t.went[row] != games.node[row]:  # a rule has put it there
+        t.trips.times[i * (t.trips.most + 1)] = 1.0
+    if t.parts > 1 and t.trips.legs[i] > 0:
+        travel.go_in_part(t.trips, i, t.part[game], t.parts)
+    return 0
 
 
 def rest(t: MetreMovers, i: int) -> int:

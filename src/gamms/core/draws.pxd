@@ -30,8 +30,10 @@ cdef class RandomChoices:
     cdef i64[::1] chosen
 
 
-@cython.locals(row=i64)
-cdef int choose(RandomChoices choices, i64 begin, i64 number, i64 turn) except -1 nogil
+@cython.locals(place=i64, row=i64)
+cdef int choose(RandomChoices choices, i64 at, const i64[::1] agents, i64 begin, i64 end, i64 turn) except -1 nogil
+
+
 cdef class TurnCounter:
     cdef readonly object clock
     cdef readonly i64 turn, begun, seeds

@@ -133,9 +133,10 @@ class RandomChoices:
         self.chosen = chosen
 
 
-def choose(choices: RandomChoices, begin: int, number: int, turn: int) -> int:
-    """Write draw number 0 of a turn for `number` rows from row `begin`."""
-    for row in range(begin, begin + number):
+def choose(choices: RandomChoices, at: int, agents: memoryview[int], begin: int, end: int, turn: int) -> int:
+    """Write draw number 0 of a turn for `agents[begin:end]` of the game whose first row is `at`."""
+    for place in range(begin, end):
+        row = at + agents[place]
         choices.chosen[row] = below_at(choices.keys[row], turn, 0, choices.counts[row])
     return 0
 

@@ -8,7 +8,7 @@ ctypedef unsigned char u8
 ctypedef int i32
 ctypedef long long i64
 
-cdef u8 STAYS, WALKS, IS_GIVEN, STEPS
+cdef u8 STAYS, WALKS, IS_GIVEN, STEPS, KINDS
 
 
 @cython.final
@@ -36,7 +36,8 @@ cdef class OneEdgeMovers:
     cdef strategies.Strategies by_steps
     cdef Contests contests
     cdef MoveRequests requests
-    cdef bint some_walk, has_conflicts
+    cdef bint has_conflicts
+    cdef i64[::1] by_kind, kind_ends
     cdef i64[::1] ends, went, counts, moves, blocks, wanted
     cdef u8[::1] takes_part, blocked, held
     cdef const i64[::1] part_of
@@ -45,28 +46,40 @@ cdef class OneEdgeMovers:
     cdef bint keeps
 
     cpdef take(self, LegalMoves streets)
+    @cython.locals(count=i64, kind=int, i=i64)
+    cpdef sort_kinds(self)
     cdef int take_map(self, i64 first) except -1 nogil
-    @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, row=i64, is_put=bint)
     cdef int settle(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, part=i64, is_loser=bint)
     cdef int give_way(self, GameColumns games, i64 game) except -1 nogil
-    @cython.locals(i=i64, part=i64)
     cdef int move(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64)
     cdef int keep_all(self, i64 game) except -1 nogil
     @cython.locals(i=i64)
     cdef int recall_all(self, i64 game) except -1 nogil
+    @cython.locals(at=i64, i=i64, part=i64)
+    cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
     cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
     cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
     cdef i64 goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
     cdef int keep(self, i64 game, i64 i) except -1 nogil
     cdef int recall(self, i64 game, i64 i) except -1 nogil
+
+
+@cython.locals(at=i64, first=i64, part=i64, i=i64, row=i64)
+cdef int begin_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef bint decides_now(OneEdgeMovers m, i64 row, i64 i, i64 part) except -1 nogil
+@cython.locals(begin=i64, end=i64, at=i64, first=i64, part=i64, place=i64, i=i64, row=i64, number=i64)
+cdef int walk_at_random(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+@cython.locals(at=i64, first=i64, part=i64, place=i64, i=i64, row=i64)
+cdef int take_given(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+@cython.locals(at=i64, part=i64, place=i64, i=i64)
+cdef int follow_steps(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 
 
 cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from array import array
+
 from gamms.core import draws, strategies
 from gamms.core.conflicts import Contests, MoveRequests, resolve
 from gamms.core.rules import AgentPaths, GameColumns
@@ -10,7 +12,8 @@ from gamms.core.rules import AgentPaths, GameColumns
 STAYS = 0  # kinds of decisions: stay on the node,
 WALKS = 1  # move to a uniform random legal node,
 IS_GIVEN = 2  # take an action from outside, the number of a legal node,
-STEPS = 4  # or decide by the steps of a strategy, see `strategies`
+STEPS = 3  # or decide by the steps of a strategy, see `strategies`
+KINDS = 4
 # names for callers in Python, which do not see constants with a C type
 STAY = STAYS
 RANDOM_WALK = WALKS
@@ -71,8 +74,9 @@ class OneEdgeMovers:
     Attributes:
         streets: the legal moves.
         decides_by: (agents,) `STAYS`, `WALKS`, `IS_GIVEN` or `STEPS`.
+        by_kind: (agents,) the agents, sorted by `decides_by`; see `sort_kinds`.
+        kind_ends: (KINDS,) the agents of a kind are `by_kind[kind_ends[kind - 1]:kind_ends[kind]]`.
         walks: draws for random walks; the numbers, below `counts`, are written to `ends`.
-        some_walk: whether an agent walks at random.
         given: (rows,) the actions given from outside; -1: the agent follows its route in `routes`.
         routes: routes; None: all agents move along one edge.
         by_steps: decides for agents with `STEPS`; None: there are none.
@@ -97,7 +101,6 @@ class OneEdgeMovers:
         streets: LegalMoves,
         decides_by: memoryview[int],
         walks: draws.RandomChoices,
-        some_walk: bool,
         given: memoryview[int],
         contests: Contests | None,
         requests: MoveRequests | None,
@@ -119,8 +122,9 @@ class OneEdgeMovers:
     ) -> None:
         self.streets = streets
         self.decides_by = decides_by
+        self.by_kind: memoryview[int] = memoryview(array("q", [0]) * len(decides_by))
+        self.kind_ends: memoryview[int] = memoryview(array("q", [0]) * KINDS)
         self.walks = walks
-        self.some_walk = some_walk
         self.given = given
         self.routes = routes
         self.by_steps = by_steps
@@ -140,10 +144,21 @@ class OneEdgeMovers:
         self.part = part
         self.parts = parts
         self.keeps = False
+        self.sort_kinds()
 
     def take(self, streets: LegalMoves) -> None:
         """Replace the legal moves."""
         self.streets = streets
+
+    def sort_kinds(self) -> None:
+        """Sort the agents by kinds of decisions; called whenever `decides_by` has changed."""
+        count = 0
+        for kind in range(KINDS):
+            for i in range(len(self.decides_by)):
+                if self.decides_by[i] == kind:
+                    self.by_kind[count] = i
+                    count += 1
+            self.kind_ends[kind] = count
 
     # -- phases of a part of a turn; see `turn` -------------------------------------------------------------------
 
@@ -153,31 +168,10 @@ class OneEdgeMovers:
 
     def decide(self, games: GameColumns, game: int) -> int:
         """Choose the moves of the living agents in this part of the turn; all other agents stay."""
-        at = game * games.agents
-        first = games.first_node[game]
-        part = self.part[game]
-        for row in range(at, at + games.agents):
-            node = games.node[row]
-            if part == 0:
-                set_out(games, self, row)
-            self.counts[row] = count_legal(self.streets, first + node)
-        if self.some_walk:  # until the loop below, `ends` holds numbers of legal nodes
-            draws.choose(self.walks, at, games.agents, games.turn[game])
-        for i in range(games.agents):
-            row = at + i
-            action = 0
-            if self.takes_part[row] and self.part_of[i] == part:
-                games.start[row] = games.node[row]
-                self.blocked[row] = 0
-                if self.decides_by[i] == WALKS:
-                    action = self.ends[row]
-                elif self.decides_by[i] == IS_GIVEN:
-                    action = self.given[row]
-                elif self.decides_by[i] == STEPS:
-                    self.ends[row] = node_by_steps(games, self, game, i)
-                    continue
-            self.ends[row] = legal_node(self.streets, first, games.node[row], action)
-        return 0
+        begin_part(games, self, game)
+        walk_at_random(games, self, game)
+        take_given(games, self, game)
+        return follow_steps(games, self, game)
 
     def settle(self, games: GameColumns, game: int) -> int:
         """Cancel the moves of held agents, and of agents that rules have placed elsewhere since they decided."""
@@ -205,12 +199,8 @@ class OneEdgeMovers:
 
     def move(self, games: GameColumns, game: int) -> int:
         """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
-        part = self.part[game]
-        for i in range(games.agents):
-            if self.part_of[i] == part:
-                self.go(games, game, i)
-                if self.keeps:
-                    self.keep(game, i)
+        self.go_all(games, game)
+        self.keep_all(game)
         return end_part(games, self, game)
 
     def keep_all(self, game: int) -> int:
@@ -223,6 +213,15 @@ class OneEdgeMovers:
         """Read the stored paths of a game."""
         for i in range(len(self.part_of) if self.keeps else 0):
             self.recall(game, i)
+        return 0
+
+    def go_all(self, games: GameColumns, game: int) -> int:
+        """Move the agents of this part of the turn to the ends of their moves."""
+        part = self.part[game]
+        at = game * games.agents
+        for i in range(games.agents):
+            if self.part_of[i] == part:
+                go(games, self, at + i)
         return 0
 
     # -- one agent ------------------------------------------------------------------------------------------------
@@ -246,10 +245,6 @@ class OneEdgeMovers:
         self.ends[row] = games.node[row]
         return 0
 
-    def go(self, games: GameColumns, game: int, i: int) -> int:
-        """Move an agent to the end of its move."""
-        return go(games, self, game * games.agents + i)
-
     def keep(self, game: int, i: int) -> int:
         """Store the path of an agent until the next phase."""
         return 0
@@ -257,6 +252,73 @@ class OneEdgeMovers:
     def recall(self, game: int, i: int) -> int:
         """Read the stored path of an agent."""
         return 0
+
+
+# -- decisions of one game -------------------------------------------------------------------------------------------
+
+
+def begin_part(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
+    """Begin a part of a turn: all agents stay, unless they decide otherwise."""
+    at = game * games.agents
+    first = games.first_node[game]
+    part = m.part[game]
+    for i in range(games.agents):
+        row = at + i
+        if part == 0:
+            set_out(games, m, row)
+        m.counts[row] = count_legal(m.streets, first + games.node[row])
+        m.ends[row] = games.node[row]
+        if m.takes_part[row] and m.part_of[i] == part:
+            games.start[row] = games.node[row]
+            m.blocked[row] = 0
+    return 0
+
+
+def decides_now(m: OneEdgeMovers, row: int, i: int, part: int) -> bool:
+    """Return whether an agent decides in a part of the turn."""
+    return m.takes_part[row] > 0 and m.part_of[i] == part
+
+
+def walk_at_random(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
+    """Choose the nodes of agents that walk at random."""
+    begin = m.kind_ends[STAYS]
+    end = m.kind_ends[WALKS]
+    if begin == end:
+        return 0
+    at = game * games.agents
+    first = games.first_node[game]
+    part = m.part[game]
+    draws.choose(m.walks, at, m.by_kind, begin, end, games.turn[game])
+    for place in range(begin, end):  # until here, `ends` holds numbers of legal nodes
+        i = m.by_kind[place]
+        row = at + i
+        number = m.ends[row] if decides_now(m, row, i, part) else 0
+        m.ends[row] = legal_node(m.streets, first, games.node[row], number)
+    return 0
+
+
+def take_given(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
+    """Choose the nodes of agents whose actions are given."""
+    at = game * games.agents
+    first = games.first_node[game]
+    part = m.part[game]
+    for place in range(m.kind_ends[WALKS], m.kind_ends[IS_GIVEN]):
+        i = m.by_kind[place]
+        row = at + i
+        if decides_now(m, row, i, part):
+            m.ends[row] = legal_node(m.streets, first, games.node[row], m.given[row])
+    return 0
+
+
+def follow_steps(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
+    """Choose the nodes of agents that follow the steps of strategies."""
+    at = game * games.agents
+    part = m.part[game]
+    for place in range(m.kind_ends[IS_GIVEN], m.kind_ends[STEPS]):
+        i = m.by_kind[place]
+        if decides_now(m, at + i, i, part):
+            m.ends[at + i] = node_by_steps(games, m, game, i)
+    return 0
 
 
 def count_legal(s: LegalMoves, place: int) -> int:

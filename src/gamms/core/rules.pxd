@@ -110,6 +110,9 @@ cdef class Tagging:
     cdef i64[::1] sides
 
     cpdef Py_ssize_t find(self, GameColumns games, i64 game) except -1 nogil
+    cdef bint may_meet(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(at=i64, found=bint, agent=i64)
+    cdef bint _share_ends(self, GameColumns games, i64 game, i64[::1] marks) except -1 nogil
     cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
     cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
     cdef bint follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except? True nogil

@@ -579,6 +579,39 @@ class Tagging:
         self.contacts.reach.first = games.first_node[game]
         return self.contacts.find(self.search, self.limit)
 
+    def may_meet(self, games: GameColumns, game: int) -> bool:
+        """Return whether agents of both sides may meet, by this tagging or a later one of the chain.
+
+        If each agent covers at most one edge, those that meet on nodes or edges have their first or last node in
+        common. This test needs no paths.
+        """
+        if self.search != contacts.ON_NODES or self._share_ends(games, game, self.contacts.pieces.first):
+            return True
+        return not self.is_last and self.behind.may_meet(games, game)  # type: ignore[union-attr] # it is not the last
+
+    def _share_ends(self, games: GameColumns, game: int, marks: memoryview[int]) -> bool:
+        """Return whether living agents of both sides have a first or last node in common.
+
+        Args:
+            games: the games.
+            game: the game.
+            marks: (nodes,) working memory, all -1.
+        """
+        at = game * games.agents
+        found = False
+        for agent in range(games.agents):
+            if self.plays[agent] & contacts.THEIRS and games.alive[at + agent]:
+                marks[games.start[at + agent]] = 0
+                marks[games.node[at + agent]] = 0
+        for agent in range(games.agents):
+            if self.plays[agent] & contacts.OURS and games.alive[at + agent] and not found:
+                found = marks[games.start[at + agent]] == 0 or marks[games.node[at + agent]] == 0
+        for agent in range(games.agents):
+            if self.plays[agent] & contacts.THEIRS and games.alive[at + agent]:
+                marks[games.start[at + agent]] = -1
+                marks[games.node[at + agent]] = -1
+        return found
+
     def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
         """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
         if self.find(games, game) > 0:
@@ -956,6 +989,8 @@ class TagRule(Rule):
 
     def happen(self, game: int) -> int:
         """Find all tags before any agent is moved, count them, then apply their effects."""
+        if self.steps.are_one_edge and not self.first.may_meet(self.games, game):
+            return 0
         self.steps.fill(self.games, game)
         self.purpose[0] = self.purposes[game]
         self.turn[0] = self.games.turn[game]

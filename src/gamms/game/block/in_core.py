@@ -831,6 +831,8 @@ class CoreGames:
         self._deciding[:] = self._decides_by
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
+        for movers in self._movers:
+            movers.sort_kinds()
         self._made[0][1].refuse_unknown_agents()
         if self._by_steps is not None:
             self._games = np.flatnonzero(self._until)
@@ -949,7 +951,6 @@ class CoreGames:
             "parts": self.num_parts,
         }
         walks = draws.RandomChoices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
-        some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
         given = memory_of(block.given)
         contests, requests = self._conflicting()
         if self._by_steps is None and any(self._steps):
@@ -957,7 +958,7 @@ class CoreGames:
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
         routes = None if self.courses is None else self.courses.routes.core
         of_movers = {**shared, "by_steps": by_steps, "routes": routes}
-        args = self._streets, self._deciding.data, walks, some_walk, given, contests, requests
+        args = self._streets, self._deciding.data, walks, given, contests, requests
         events = block.events_of(len(self._made))
         if columns is None:
             movers = moves.OneEdgeMovers(*args, **of_movers)

@@ -121,8 +121,8 @@ class ArrivingAgents:
         self._columns = columns
         no_paths: list[Any] = [_NO_BYTES, 0, _NO_INTS, _NO_INTS, _NO_INTS, _NO_INTS, _NO_FLOATS]
         ways = GoalPaths(roads.map, roads.map, roads.reach.core, *no_paths)
-        nothing: list[Any] = [None] * 7  # functions decide, and find paths and conflicts
         unknown: Any = None  # as the legal nodes are
+        nothing: list[Any] = [unknown, _NO_BYTES, *[None] * 4]  # functions decide, and find paths and conflicts
         self._movers = by_metres.MetreMovers(
             *(ways, ways, unknown, self.chosen.core, self._events, *nothing),
             slots=0,
