@@ -69,6 +69,8 @@ PLAIN = st.recursive(
 )
 KINDS = st.dictionaries(st.sampled_from("abc"), I64, min_size=3)
 DICTS = st.dictionaries(st.sampled_from("xyz"), KINDS)
+WORDS = st.lists(numbers(0, 2**32 - 1), min_size=8, max_size=8)
+KEYS = st.lists(U64, min_size=6, max_size=6)  # of three streams
 CASES = {
     ("block", "gather"): BLOCK.map(lambda one: (one[0], one[2], one[3])),
     ("block", "move_rows"): BLOCK,
@@ -107,6 +109,19 @@ CASES = {
     ("draws", "fill_first_keys"): rows(U64, U64),
     ("draws", "fill_turn_keys"): rows(U64, I64),
     ("draws", "fill_bits"): rows(U64, I64),
+    ("draws", "fill_words"): KEYS.map(lambda one: (array("Q", one), array("Q", bytes(8 * 24)))),
+    ("draws", "fill_below_of_words"): st.tuples(WORDS, numbers(1, 2**28)).map(
+        lambda one: (array("Q", one[0]), array("q", [one[1]]), array("q", [0]))
+    ),
+    ("draws", "place_agents"): st.tuples(KEYS, st.lists(I64, min_size=3, max_size=9)).map(
+        lambda one: (
+            array("Q", one[0]),
+            array("q", one[1]),
+            array("Q", bytes(64)),
+            array("q", [0] * 3),
+            array("q", [0] * 3),
+        )
+    ),
     ("strategies", "farthest"): DISTANCES.map(
         lambda one: (array("d", [far for far, _ in one]), array("q", [id for _, id in one]), len(one))
     ),

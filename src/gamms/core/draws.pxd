@@ -3,7 +3,9 @@ cimport cython
 ctypedef unsigned long long u64
 ctypedef long long i64
 
-cdef u64 MASK, GAMMA, FACTOR_1, FACTOR_2, SIP_0, SIP_1, SIP_2, SIP_3, EIGHT_BYTES, MOST
+cdef u64 MASK, GAMMA, FACTOR_1, FACTOR_2, SIP_0, SIP_1, SIP_2, SIP_3, EIGHT_BYTES, MOST, LOW
+cdef u64 PHILOX_0, PHILOX_1, WEYL_0, WEYL_1
+cdef int WORDS
 
 cpdef u64 mix(u64 bits) noexcept nogil
 cpdef u64 rotated(u64 bits, int places) noexcept nogil
@@ -21,6 +23,23 @@ cpdef int fill_first_keys(const u64[::1] purposes, const u64[::1] names, u64[::1
 cpdef int fill_turn_keys(const u64[::1] first, const i64[::1] turns, u64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t)
 cpdef int fill_bits(const u64[::1] keys, const i64[::1] counts, u64[::1] out) except -1 nogil
+
+
+@cython.locals(middle=u64, crossed=u64)
+cdef u64 upper_product(u64 a, u64 b) noexcept nogil
+@cython.locals(a=u64, b=u64, c=u64, d=u64, a_next=u64, lower_0=u64, lower_1=u64, _=int)
+cdef int put_words(u64 key_0, u64 key_1, u64[::1] out, i64 begin) except -1 nogil
+cdef int put_halves(u64 word, u64[::1] out, i64 begin) except -1 nogil
+@cython.locals(place=i64)
+cdef u64 below_of_words(const u64[::1] words, i64 begin, u64 n) noexcept nogil
+@cython.locals(i=Py_ssize_t)
+cpdef int fill_words(const u64[::1] keys, u64[::1] out) except -1 nogil
+@cython.locals(i=Py_ssize_t)
+cpdef int fill_below_of_words(const u64[::1] words, const i64[::1] n, i64[::1] out) except -1 nogil
+@cython.locals(agents=i64, row=i64, i=i64, number=i64)
+cpdef int place_agents(const u64[::1] keys, const i64[::1] rows, u64[::1] words, i64[::1] taken, i64[::1] out) except -1 nogil
+@cython.locals(low=i64, high=i64, middle=i64, place=i64)
+cdef i64 take_free(i64[::1] taken, i64 count, i64 number) except -1 nogil
 
 
 @cython.final

@@ -27,6 +27,12 @@ SIP_2 = 0x6C7967656E657261
 SIP_3 = 0x7465646279746573
 EIGHT_BYTES = 0x0800000000000000
 MOST = 0x100000000  # the maximum bound of `below`
+LOW = 0xFFFFFFFF
+PHILOX_0 = 0xD2E7470EE14C6C93  # factors and steps of Philox
+PHILOX_1 = 0xCA5A826395121157
+WEYL_0 = 0x9E3779B97F4A7C15
+WEYL_1 = 0xBB67AE8584CAA73B
+WORDS = 8
 
 
 def mix(bits: int) -> int:
@@ -116,6 +122,130 @@ def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[in
     for i in range(len(out)):
         out[i] = bits_at(keys[i], counts[i])
     return 0
+
+
+# -- streams that begin a game -----------------------------------------------------------------------------------------
+
+
+def upper_product(a: int, b: int) -> int:
+    """Return the upper 64 bits of a product, computed from 32-bit halves."""
+    middle = (a >> 32) * (b & LOW) + ((a & LOW) * (b & LOW) >> 32)
+    crossed = (a & LOW) * (b >> 32) + (middle & LOW)
+    return (a >> 32) * (b >> 32) + (middle >> 32) + (crossed >> 32)
+
+
+def put_words(key_0: int, key_1: int, out: memoryview[int], begin: int) -> int:
+    """Write the first eight 32-bit numbers of a stream: Philox4x64-10 for the counter 1, as in NumPy's generator.
+
+    Source: Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
+
+    Args:
+        key_0: the lower half of the key.
+        key_1: the upper half.
+        out: receives the numbers.
+        begin: the index of the first of them.
+    """
+    a = 1
+    b = 0
+    c = 0
+    d = 0
+    for _ in range(10):
+        lower_0 = (a * PHILOX_0) & MASK
+        lower_1 = (c * PHILOX_1) & MASK
+        a_next = upper_product(c, PHILOX_1) ^ b ^ key_0
+        c = upper_product(a, PHILOX_0) ^ d ^ key_1
+        a = a_next
+        b = lower_1
+        d = lower_0
+        key_0 = (key_0 + WEYL_0) & MASK
+        key_1 = (key_1 + WEYL_1) & MASK
+    put_halves(a, out, begin)
+    put_halves(b, out, begin + 2)
+    put_halves(c, out, begin + 4)
+    return put_halves(d, out, begin + 6)
+
+
+def put_halves(word: int, out: memoryview[int], begin: int) -> int:
+    """Write the lower and the upper half of a word."""
+    out[begin] = word & LOW
+    out[begin + 1] = word >> 32
+    return 0
+
+
+def below_of_words(words: memoryview[int], begin: int, n: int) -> int:
+    """Return the first `integers(n)` of NumPy's generator of a stream, by Lemire's method.
+
+    Source: "Fast random integer generation in an interval" (TOMACS 2019).
+
+    Args:
+        words: the first eight numbers of the stream from index `begin`.
+        begin: see `words`.
+        n: from 1 to 2 ** 28.
+    """
+    for place in range(begin, begin + WORDS):
+        if ((words[place] * n) & LOW) >= MOST % n:
+            return words[place] * n >> 32
+    return words[begin] * n >> 32
+
+
+def fill_words(keys: memoryview[int], out: memoryview[int]) -> int:
+    """Write the first eight 32-bit numbers of streams, (streams * 8,), for their keys, (streams * 2,)."""
+    for i in range(len(keys) // 2):
+        put_words(keys[2 * i], keys[2 * i + 1], out, WORDS * i)
+    return 0
+
+
+def fill_below_of_words(words: memoryview[int], n: memoryview[int], out: memoryview[int]) -> int:
+    """Write `below_of_words` of streams for their bounds; `words` is (streams * 8,), the others are (streams,)."""
+    for i in range(len(out)):
+        out[i] = below_of_words(words, WORDS * i, n[i])
+    return 0
+
+
+def place_agents(
+    keys: memoryview[int], rows: memoryview[int], words: memoryview[int], taken: memoryview[int], out: memoryview[int]
+) -> int:
+    """Draw different nodes for the agents of games.
+
+    Args:
+        keys: (games * agents * 2,) the keys of the agents' streams.
+        rows: the nodes, at least as many as agents.
+        words: (8,) working memory.
+        taken: (agents,) working memory.
+        out: (games * agents,) receives the nodes.
+    """
+    agents = len(taken)
+    for row in range(len(out)):
+        i = row % agents
+        put_words(keys[2 * row], keys[2 * row + 1], words, 0)
+        number = below_of_words(words, 0, len(rows) - i)
+        out[row] = rows[take_free(taken, i, number)]
+    return 0
+
+
+def take_free(taken: memoryview[int], count: int, number: int) -> int:
+    """Take the free index with a number, counted from 0 among the free indices; return it.
+
+    Args:
+        taken: the first `count` are the taken indices, in ascending order; the new one is added.
+        count: how many are taken.
+        number: the number.
+    """
+    low = 0
+    high = count
+    while low < high:
+        middle = (low + high) >> 1
+        if taken[middle] - middle <= number:
+            low = middle + 1
+        else:
+            high = middle
+    for place in range(count, low, -1):
+        taken[place] = taken[place - 1]
+    taken[low] = number + low
+    return number + low
+
+
+# -- draws of turns ------------------------------------------------------------------------------------------------
 
 
 class RandomChoices:

@@ -483,26 +483,27 @@ class Batch(Surface, Immutable, NotPickled):
         """
         self._refuse_closed()
         numbers = self._numbers_of(which)
-        given = [self.seeds[game] for game in numbers] if seeds is None else as_ids(seeds, "seeds")
+        kept = list(self.seeds)
+        given = [kept[game] for game in numbers.tolist()] if seeds is None else as_ids(seeds, "seeds")
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
-        if not numbers:
+        if not len(numbers):
             return
         if self._shown is not None and self._shown.number in numbers:
             self._hide()
-        changed = dict(zip(numbers, given, strict=True))
         if seeds is not None:
             maps = self.maps.copy()
             maps[numbers] = drawn_maps(given, len(self._sources))
             self._begin[numbers] = self._starts(given, maps[numbers])
-            self._put_public(maps=locked(maps))
-        self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
+            for game, seed in zip(numbers.tolist(), given, strict=True):
+                kept[game] = seed
+            self._put_public(maps=locked(maps), seeds=tuple(kept))
         if any(own.is_needed for own in self._own):
             self._engine.release()
-            self._take_functions(np.array(numbers))
-        self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
-        self._separate.forget(numbers)
-        if len(changed) == len(self):
+            self._take_functions(numbers)
+        self._engine.start(numbers, given, self.maps[numbers], self._begin[numbers])
+        self._separate.forget(numbers.tolist())
+        if len(numbers) == len(self):
             self._log = []
             self._was_given = False
         self._begun[numbers] = len(self._log)
@@ -853,7 +854,7 @@ class Batch(Surface, Immutable, NotPickled):
             raise BadValue(f"There is no game {game}: the batch has {len(self)}, numbered from 0.")
         return game
 
-    def _numbers_of(self, which: object) -> list[int]:
+    def _numbers_of(self, which: object) -> IntArray:
         """Return game numbers from a list of numbers or a mask (games,); None: all games."""
         try:
             games = np.arange(len(self)) if which is None else np.asarray(which)
@@ -862,11 +863,13 @@ class Batch(Surface, Immutable, NotPickled):
         if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
             wanted = f"a list of numbers of games, such as [0], or of {len(self)} booleans"
             raise BadValue(f"which is {wanted}, not {shown(which)}.")
-        which_ones = np.flatnonzero(games) if games.dtype == np.bool_ else games
-        numbers = [self._as_game(game) for game in which_ones.tolist()]
-        if len({*numbers}) < len(numbers):
+        if games.dtype == np.bool_:
+            return np.flatnonzero(games)
+        if games.dtype.kind != "i" or not ((games >= 0) & (games < len(self))).all():
+            games = np.array([self._as_game(game) for game in games.tolist()], np.int64)
+        if len(np.unique(games)) < len(games):
             raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
-        return numbers
+        return games
 
     def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
         """Return the ids of the start nodes, (seeds, agents), for seeds and the numbers of their maps."""

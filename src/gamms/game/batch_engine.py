@@ -214,7 +214,7 @@ class GamesOnOneMap:
     def _put_own(self, games: IntArray) -> None:
         """Set the scores, events and open roads that differ between games at their start."""
         state = self.state
-        for number in games.tolist():
+        for number in games.tolist() if self._own.is_needed else ():
             game = np.array([number])
             own = self._own.maps[number]
             if own is not None:

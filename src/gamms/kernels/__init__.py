@@ -38,10 +38,12 @@ from gamms.kernels.draws import (
     name_key,
     name_keys,
     normals,
+    places_of_agents,
     poisson,
     purpose_key,
     stream,
     stream_key,
+    stream_keys,
     stream_words,
     turn_key_rows,
 )

@@ -6,7 +6,7 @@ A draw of an agent: `draw_bits(purpose_key(seed, "agent"), name_key("anna"), tur
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from math import exp
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,16 +18,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or hashes of names
-_MASK = (1 << 64) - 1
-_PHILOX = (0xD2E7470EE14C6C93, 0xCA5A826395121157)
-_WEYL = (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
-_LOW = np.uint64(0xFFFFFFFF)
-_WEYLS = np.array(_WEYL, np.uint64)[:, None]
-_FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32 for one in _PHILOX]], np.uint64)[
-    ..., None
-]
 _MOST_NAMES = 1 << 16  # whose hashes are kept
-_FEW_STREAMS = 128  # number of streams up to which NumPy's generator is faster than arrays
 
 
 @lru_cache(maxsize=1 << 12)
@@ -165,67 +156,45 @@ def stream_key(seed: int, *names: str | int) -> int:
     return int.from_bytes(blake2b(repr((seed, *names)).encode(), digest_size=16).digest(), "little")
 
 
-def stream_words(keys: Sequence[int]) -> BitArray:
-    """Return the first eight 32-bit numbers of streams, (streams, 8), without creating their generators.
+def stream_keys(seeds: Iterable[int], names: Sequence[tuple[str | int, ...]]) -> BitArray:
+    """Return the `stream_key` of each seed and name, (seeds, names, 2): its lower and its upper half."""
+    from hashlib import blake2b
 
-    Args:
-        keys: (streams,) each a `stream_key`.
-    """
-    words = _philox_few(keys) if len(keys) < _FEW_STREAMS else _philox_many(keys)
-    return np.stack((words & _LOW, words >> np.uint64(32)), axis=2).reshape(len(keys), 8)
-
-
-def below_of_words(words: BitArray, n: IntArray) -> IntArray:
-    """Return the first `integers(n)` of the generators of streams, (streams,), by Lemire's method.
-
-    Source: "Fast random integer generation in an interval" (TOMACS 2019).
-
-    Args:
-        words: words of the streams; see `stream_words`.
-        n: (streams,) from 1 to 2 ** 28.
-    """
-    sizes = n.astype(np.uint64)[:, None]
-    found = words * sizes
-    is_fair = (found & _LOW) >= np.uint64(1 << 32) % sizes
-    chosen: IntArray = (found[np.arange(len(words)), is_fair.argmax(axis=1)] >> np.uint64(32)).astype(np.int64)
-    return chosen
+    ends = [f", {', '.join(map(repr, name))})".encode() for name in names]
+    texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
+    digests = b"".join(blake2b(text, digest_size=16).digest() for text in texts)
+    return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(-1, len(ends), 2)
 
 
-def _philox_few(keys: Sequence[int]) -> BitArray:
-    """Return the first four words of each Philox generator, (keys, 4), by NumPy's generator."""
-    from numpy.random import Philox
-
-    # NOTE: setting the state takes a fifth of the time of a new generator per key (benchmarks: 5 against 5 by
-    # reset).
-    words = np.empty((len(keys), 4), np.uint64)
-    generator = Philox(key=0)
-    state: Any = generator.state
-    for row, key in enumerate(keys):
-        state["state"]["key"][:] = key & _MASK, key >> 64
-        generator.state = state
-        words[row] = generator.random_raw(4)
+def stream_words(keys: BitArray) -> BitArray:
+    """Return the first eight 32-bit numbers of streams, (…, 8), for their `stream_keys`, (…, 2)."""
+    words = np.empty((*keys.shape[:-1], 8), np.uint64)
+    draws.fill_words(keys.reshape(-1).data, words.reshape(-1).data)
     return words
 
 
-def _philox_many(keys: Sequence[int]) -> BitArray:
-    """Return the first four words of each Philox generator, (keys, 4): its tenth round for the counter 1."""
-    key = np.array([[one & _MASK for one in keys], [one >> 64 for one in keys]], np.uint64)
-    even, odd = np.zeros((2, *key.shape), np.uint64)  # words 1 and 3, words 2 and 4
-    even[0] = 1
-    for _ in range(10):
-        high, low = _products(even)
-        even = high[::-1] ^ odd ^ key
-        odd = low[::-1]
-        key += _WEYLS
-    return np.stack((even[0], odd[0], even[1], odd[1]), axis=1)
+def below_of_words(words: BitArray, n: IntArray) -> IntArray:
+    """Return the first `integers(n)` of the generators of streams, (streams,).
+
+    Args:
+        words: (streams, 8) the words of the streams; see `stream_words`.
+        n: (streams,) from 1 to 2 ** 28.
+    """
+    chosen = np.empty(len(words), np.int64)
+    draws.fill_below_of_words(np.ascontiguousarray(words).reshape(-1).data, np.ascontiguousarray(n).data, chosen.data)
+    return chosen
 
 
-def _products(bits: BitArray) -> tuple[BitArray, BitArray]:
-    """Return the upper and lower 64 bits of the products with the two factors, computed from 32-bit halves."""
-    half = np.uint64(32)
-    low, high = _FACTORS_OF_PHILOX
-    below = bits & _LOW
-    above = bits >> half
-    middle = above * low + (below * low >> half)
-    crossed = below * high + (middle & _LOW)
-    return above * high + (middle >> half) + (crossed >> half), bits * (high << half | low)
+def places_of_agents(keys: BitArray, rows: IntArray) -> IntArray:
+    """Return different rows drawn for the agents of games, (games, agents).
+
+    Args:
+        keys: (games, agents, 2) the `stream_keys` of the agents.
+        rows: the rows to draw from, at least as many as agents.
+    """
+    shape = keys.shape[:2]
+    found = np.empty(shape, np.int64)
+    words = np.empty(8, np.uint64)
+    taken = np.empty(shape[1], np.int64)
+    draws.place_agents(keys.reshape(-1).data, rows.data, words.data, taken.data, found.reshape(-1).data)
+    return found

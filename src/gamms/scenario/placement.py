@@ -1,9 +1,8 @@
 """Place the agents: on their given nodes, or on nodes drawn under the constraints of their team."""
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import chain, product
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -204,7 +203,7 @@ class _TeamPlacement:
         if not (self.spec.apart or self.away):
             if len(free) > len(self._free_rows):
                 raise ScenarioError(self.path, self._refusal(len(self._free_rows), len(free)))
-            rows[:, free] = self._taken(self._words(seeds, free, 0))
+            rows[:, free] = kernels.places_of_agents(self._keys(seeds, free, 0), self._free_rows)
             return rows
         allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
@@ -228,7 +227,7 @@ class _TeamPlacement:
         at = np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
-        words = self._words(seeds, free, attempt)
+        words = kernels.stream_words(self._keys(seeds, free, attempt))
         for column in range(len(free)):
             counts = _COUNTS[allowed]
             is_left = counts.any(axis=1)
@@ -242,28 +241,10 @@ class _TeamPlacement:
             self._close(allowed, rows)
         return drawn
 
-    def _taken(self, words: BitArray) -> IntArray:
-        """Draw nodes like `_try`, if agents keep no distance and there are enough nodes."""
-        # NOTE: 1 us for each agent, where `_drawn` takes 50 for one seed (benchmarks: 5 against 5 by reset).
-        left = len(self._free_rows) - np.arange(words.shape[1])
-        numbers = kernels.below_of_words(words.reshape(-1, words.shape[2]), np.tile(left, len(words)))
-        return np.array([self._without_repeats(of_seed) for of_seed in numbers.reshape(words.shape[:2]).tolist()])
-
-    def _without_repeats(self, numbers: list[int]) -> list[int]:
-        """Convert draws without replacement to rows: each number is an index among the free rows not yet taken."""
-        taken: list[int] = []  # ascending
-        rows = list[int]()
-        for number in numbers:
-            place = bisect_right(range(len(taken)), number, key=lambda before: taken[before] - before)
-            taken.insert(place, number + place)
-            rows.append(self._free_rows[number + place])
-        return rows
-
-    def _words(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
-        """Return the random words for the agents' draws, (seeds, agents, 8)."""
+    def _keys(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
+        """Return the keys of the streams of the agents' draws, (seeds, agents, 2)."""
         names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
-        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed, name in product(seeds, names)])
-        return words.reshape(len(seeds), len(free), -1)
+        return kernels.stream_keys(seeds, names)
 
     def _close(self, allowed: WordArray, rows: IntArray) -> None:
         """Remove a node from each set, and nodes too near to it."""
@@ -272,11 +253,11 @@ class _TeamPlacement:
             allowed &= self.map.far_from(rows, self.spec.apart)
 
     @cached_property
-    def _free_rows(self) -> list[int]:
+    def _free_rows(self) -> IntArray:
         """The rows of nodes where the team may start and that are not given to one of its agents, ascending."""
         near = np.unpackbits(self._near.astype("<u2", copy=False).view(np.uint8), bitorder="little")
         near[list(self.fixed.values())] = 0
-        return np.flatnonzero(near).tolist()
+        return np.flatnonzero(near)
 
     @cached_property
     def _near(self) -> WordArray:

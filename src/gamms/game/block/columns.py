@@ -165,7 +165,7 @@ class GameLog(ABC, Generic[P]):
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
         """Start the empty logs of some games with entries of earlier turns."""
-        for game in games.tolist():
+        for game in games.tolist() if entries else ():
             self._of_game[game] += entries
 
     @abstractmethod

@@ -381,7 +381,9 @@ class GameArrays:
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
-        for game, seed in zip(games.tolist(), seeds, strict=True):
+        numbers = games.tolist()
+        has_changed = [self.seeds[game] != seed for game, seed in zip(numbers, seeds, strict=True)]
+        for game, seed in zip(numbers, seeds, strict=True):
             self.seeds[game] = seed
             self.over[game] = None
             self.errors[game] = []
@@ -401,14 +403,21 @@ class GameArrays:
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
-        for purposes, keys in self._purposes.items():
-            keys[games] = _purpose_keys(seeds, purposes)
-        for purpose, drawn in self._draw_keys.items():
-            drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
+        self._take_seeds(games[has_changed])
         self._seeds = None
         self.now.clear()
         for log in self._logs:
             log.forget(games)
+
+    def _take_seeds(self, games: IntArray) -> None:
+        """Compute the keys of the draws of games whose seeds have changed."""
+        if not len(games):
+            return
+        seeds = [self.seeds[game] for game in games.tolist()]
+        for purposes, keys in self._purposes.items():
+            keys[games] = _purpose_keys(seeds, purposes)
+        for purpose, drawn in self._draw_keys.items():
+            drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
 
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:

@@ -82,7 +82,7 @@ class SeparateGames:
 
     def forget(self, numbers: Iterable[int]) -> None:
         """End the contexts of games, which are not played in them any more."""
-        for number in numbers:
+        for number in self.reasons.keys() & numbers:
             self._end(number)
             for known in (self.reasons, self.ran_from, self._turns, self._results, self._beyond_arrays):
                 known.pop(number, None)
