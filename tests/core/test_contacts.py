@@ -27,7 +27,7 @@ def floats(values):
     return memoryview(array("d", values))
 
 
-NO_LEGS = core.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
+NO_LEGS = core.Legs(0, *[ints([])] * 6, *[floats([])] * 5)
 
 
 def contacts(game, *, reach=None, limit=None, crossing=False, at_end=False, seed=7):
@@ -65,7 +65,7 @@ def contacts(game, *, reach=None, limit=None, crossing=False, at_end=False, seed
         ints([3]),
         reach=table(reach or {}, limit or 0.0),
         places=core.NodePositions(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
-        lines=core.PathSegments(ints([]), *[floats([])] * 4),
+        lines=core.PathSegments(0, core.Polylines(), floats([])),
         crossing=crossing,
         by_metres=False,
     )

@@ -29,7 +29,7 @@ cdef class Tracks:
 @cython.final
 cdef class Legs:
     cdef i64 most
-    cdef i64[::1] counts, sources, targets, streets, flags
+    cdef i64[::1] counts, sources, targets, edges, streets, flags
     cdef double[::1] begins, ends, since, until, lengths
 
 
@@ -68,16 +68,6 @@ cdef class NodePositions:
 
 
 @cython.final
-cdef class PathSegments:
-    cdef readonly i64 parts
-    cdef const i64[::1] offsets
-    cdef const double[::1] since, until, begins, ends
-
-    @cython.locals(begin=double, share=double)
-    cdef double at(self, i64 part, int axis, double time) except? -1.0 nogil
-
-
-@cython.final
 cdef class NodeNumbers:
     cdef readonly i64 count, room
     cdef i64 dense, places
@@ -108,11 +98,51 @@ cdef class MotionIntervals:
     cdef double[::1] begins, ends
     cdef readonly i64 count
 
+    cpdef int make_room(self, i64 room) except -1 with gil
     @cython.locals(piece=i64)
     cdef Py_ssize_t put(self, i64 agent, i64 node, i64 leg, double since, double until) except -1 nogil
     cdef int enter(self, i64 entry, i64 key) except -1 nogil
     @cython.locals(entry=i64)
     cdef int forget(self, i64 entries) except -1 nogil
+
+
+@cython.final
+cdef class Polylines:
+    cdef readonly i64 count
+    cdef const i64[::1] firsts
+    cdef const double[::1] xs, ys, lengths, shares, wholes
+    cdef double x, y
+
+    @cython.locals(left=double, last=i64, point=i64, length=double)
+    cdef int find(self, i64 edge, double share) except -1 nogil
+
+
+@cython.final
+cdef class PathSegments:
+    cdef Polylines edges
+    cdef public const double[::1] places, flights
+    cdef readonly i64 parts
+    cdef i64 room
+    cdef i64[::1] offsets
+    cdef double[::1] since, until, begins, ends
+
+    cpdef int make_room(self, i64 room) except -1 with gil
+    @cython.locals(piece=i64, agent=i64, is_flying=bint)
+    cdef int fill(self, Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
+    @cython.locals(part=i64, axis=int)
+    cdef int _put_flight(self, i64 agent, double since) except -1 nogil
+    @cython.locals(part=i64)
+    cdef int _put_stay(self, i64 node, double since, double until) except -1 nogil
+    @cython.locals(first=i64, beyond=i64, leg=i64)
+    cdef int _put_legs(self, Legs legs, i64 agent, bint at_end) except -1 nogil
+    @cython.locals(pace=double, part=i64, first=i64, beyond=i64, number=i64, point=i64, share=double, time=double)
+    cdef int _put_line(self, i64 edge, double begin, double end, double since, double until) except -1 nogil
+    @cython.locals(part=i64)
+    cdef Py_ssize_t _put(self, double since, double until) except -1 nogil
+    cdef int _begin(self, i64 part, double x, double y) except -1 nogil
+    cdef int _end(self, i64 part, double x, double y) except -1 nogil
+    @cython.locals(begin=double, share=double)
+    cdef double at(self, i64 part, int axis, double time) except? -1.0 nogil
 
 
 @cython.final

@@ -44,6 +44,13 @@ BY_PAIR = 1
 BY_PLACE = 2
 
 
+def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
+    """Return a copy of a column with room for `room` numbers; `kind` is a type code of `array`."""
+    longer = memoryview(array(kind, bytes(8 * room)))
+    longer[: len(column)] = column
+    return longer
+
+
 class Tracks:
     """The nodes that agents pass in a turn.
 
@@ -85,6 +92,7 @@ class Legs:
         most: the maximum number of legs of an agent; 0 in games that count edges.
         counts: (agents,) the number of legs.
         sources, targets: (agents * most,) the numbers of the nodes at both ends of the edge.
+        edges: (agents * most,) the number of the edge, as in `Polylines`.
         streets: (agents * most,) the street number, common to an edge and the edge back.
         flags: (agents * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the
             edge, and 4 if the position of the edge is unknown.
@@ -99,6 +107,7 @@ class Legs:
         counts: memoryview[int],
         sources: memoryview[int],
         targets: memoryview[int],
+        edges: memoryview[int],
         streets: memoryview[int],
         flags: memoryview[int],
         begins: memoryview[float],
@@ -111,6 +120,7 @@ class Legs:
         self.counts = counts
         self.sources = sources
         self.targets = targets
+        self.edges = edges
         self.streets = streets
         self.flags = flags
         self.begins = begins
@@ -132,6 +142,7 @@ def describe_leg(legs: Legs, place: int, roads: RoadEdges, edge_ids: memoryview[
         back: the edge for turning around; -1: none.
     """
     is_back = back >= 0 and edge_ids[back] < edge_ids[edge]
+    legs.edges[place] = edge
     legs.streets[place] = back if is_back else edge
     legs.flags[place] = (BACKWARDS if is_back else 0) + (TURNS if back >= 0 else 0)
     if travel.is_removed(roads, edge):
@@ -161,7 +172,7 @@ def put_path(
         roads: the map.
         edge_ids: (edges,) the ids of the edges.
         numbers: numbers the nodes.
-        streets: numbers the streets.
+        streets: numbers the edges and the streets.
         tracks: receive the nodes,
         legs: and the legs,
         agent: of the agent of this number.
@@ -177,6 +188,7 @@ def put_path(
         at = row * trips.most + number
         place = agent * legs.most + number
         describe_leg(legs, place, roads, edge_ids, trips.edges[at], trips.backs[at])
+        legs.edges[place] = streets.number(edge_ids[legs.edges[place]])
         legs.streets[place] = streets.number(edge_ids[legs.streets[place]])
         legs.sources[place] = numbers.number(roads.ids[legs.sources[place]])
         legs.targets[place] = numbers.number(roads.ids[legs.targets[place]])
@@ -309,30 +321,191 @@ class NodePositions:
         self.xyz = xyz
 
 
-class PathSegments:
-    """The straight segments of the paths of agents, in games by metres.
+class Polylines:
+    """The polylines of edges; see `gamms.typing.on_edges.Line`.
 
     Attributes:
+        count: the number of edges.
+        firsts: (count + 1,) the points of an edge are those from `firsts[edge]` until before `firsts[edge + 1]`.
+        xs, ys: (points,) the points.
+        lengths: (points,) the distance from each point to the next of the edge; 0 for its last.
+        shares: (points,) the share of the length of the edge at each point.
+        wholes: (count,) the length of the polyline of each edge.
+        x, y: the point that `find` has found.
+    """
+
+    def __init__(self) -> None:
+        none: Any = memoryview(array("d"))
+        self.count = 0
+        self.firsts: memoryview[int] = memoryview(array("q", [0]))
+        self.xs: memoryview[float] = none
+        self.ys: memoryview[float] = none
+        self.lengths: memoryview[float] = none
+        self.shares: memoryview[float] = none
+        self.wholes: memoryview[float] = none
+        self.x = 0.0
+        self.y = 0.0
+
+    def take(
+        self,
+        firsts: memoryview[int],
+        xs: memoryview[float],
+        ys: memoryview[float],
+        lengths: memoryview[float],
+        shares: memoryview[float],
+        wholes: memoryview[float],
+    ) -> None:
+        """Set the polylines of all edges."""
+        self.count = len(wholes)
+        self.firsts = firsts
+        self.xs = xs
+        self.ys = ys
+        self.lengths = lengths
+        self.shares = shares
+        self.wholes = wholes
+
+    def find(self, edge: int, share: float) -> int:
+        """Find the point at a share of the length of an edge."""
+        left = share * self.wholes[edge]
+        last = self.firsts[edge + 1] - 1
+        self.x = self.xs[last]
+        self.y = self.ys[last]
+        for point in range(self.firsts[edge], last):
+            length = self.lengths[point]
+            if length > 0.0 and left <= length:
+                self.x = self.xs[point] + left * ((self.xs[point + 1] - self.xs[point]) / length)
+                self.y = self.ys[point] + left * ((self.ys[point + 1] - self.ys[point]) / length)
+                return 0
+            left -= length
+        return 0
+
+
+class PathSegments:
+    """The straight segments of the paths of agents, in games by metres: stays on nodes, then parts of edges.
+
+    Attributes:
+        edges: the polylines of the edges.
+        places: (2 * nodes,) x and y of each node.
+        flights: (3 * agents,) x, y and z of each flying agent; NaN for agents on the ground. Empty: none flies.
         offsets: (agents + 1,) where the segments of each agent begin.
         since, until: (parts,) the times of each segment.
         begins, ends: (3 * parts,) x, y and z of the agent at both times.
         parts: the number of segments.
+        room: the maximum number of segments; it grows when necessary.
     """
 
-    def __init__(
-        self,
-        offsets: memoryview[int],
-        since: memoryview[float],
-        until: memoryview[float],
-        begins: memoryview[float],
-        ends: memoryview[float],
-    ) -> None:
-        self.offsets = offsets
-        self.parts = len(since)
-        self.since = since
-        self.until = until
-        self.begins = begins
-        self.ends = ends
+    def __init__(self, agents: int, edges: Polylines, places: memoryview[float]) -> None:
+        none: Any = memoryview(array("d"))
+        self.edges = edges
+        self.places = places
+        self.flights: memoryview[float] = none
+        self.offsets: memoryview[int] = memoryview(array("q", bytes(8 * (agents + 1))))
+        self.since: memoryview[float] = none
+        self.until: memoryview[float] = none
+        self.begins: memoryview[float] = none
+        self.ends: memoryview[float] = none
+        self.parts = 0
+        self.room = 0
+
+    def make_room(self, room: int) -> int:
+        """Make room for `room` segments, and keep the existing ones."""
+        self.since = extended("d", self.since, room)
+        self.until = extended("d", self.until, room)
+        self.begins = extended("d", self.begins, 3 * room)
+        self.ends = extended("d", self.ends, 3 * room)
+        self.room = room
+        return 0
+
+    def fill(self, tracks: Tracks, legs: Legs, pieces: MotionIntervals) -> int:
+        """Write the segments of the agents that take part; `pieces` is working memory."""
+        put_visits(tracks, legs, pieces)
+        self.parts = 0
+        piece = 0
+        for agent in range(tracks.agents):
+            self.offsets[agent] = self.parts
+            is_flying = len(self.flights) > 0 and self.flights[3 * agent] == self.flights[3 * agent]  # not NaN
+            if is_flying and tracks.sides[agent]:
+                self._put_flight(agent, 1.0 if tracks.at_end else tracks.times[agent * tracks.most])
+            while piece < pieces.count and pieces.agents[piece] == agent:
+                if not is_flying:
+                    self._put_stay(pieces.nodes[piece], pieces.since[piece], pieces.until[piece])
+                piece += 1
+            if tracks.sides[agent] and not is_flying and legs.most > 0:
+                self._put_legs(legs, agent, tracks.at_end)
+        self.offsets[tracks.agents] = self.parts
+        return 0
+
+    def _put_flight(self, agent: int, since: float) -> int:
+        """Add the position of a flying agent."""
+        part = self._put(since, 1.0)
+        for axis in range(3):
+            self.begins[3 * part + axis] = self.flights[3 * agent + axis]
+            self.ends[3 * part + axis] = self.flights[3 * agent + axis]
+        return 0
+
+    def _put_stay(self, node: int, since: float, until: float) -> int:
+        """Add a stay on a node."""
+        part = self._put(since, until)
+        self._begin(part, self.places[2 * node], self.places[2 * node + 1])
+        return self._end(part, self.places[2 * node], self.places[2 * node + 1])
+
+    def _put_legs(self, legs: Legs, agent: int, at_end: bool) -> int:
+        """Add the parts of edges that an agent covers; at the end, only the point where it is."""
+        first = agent * legs.most
+        beyond = first + legs.counts[agent]
+        if at_end:
+            leg = beyond - 1
+            if beyond > first and 0.0 < legs.ends[leg] < 1.0 and not legs.flags[leg] & UNKNOWN:
+                self._put_line(legs.edges[leg], legs.ends[leg], legs.ends[leg], 1.0, 1.0)
+            return 0
+        for leg in range(first, beyond):
+            if not legs.flags[leg] & UNKNOWN:
+                self._put_line(legs.edges[leg], legs.begins[leg], legs.ends[leg], legs.since[leg], legs.until[leg])
+        return 0
+
+    def _put_line(self, edge: int, begin: float, end: float, since: float, until: float) -> int:
+        """Add the straight parts of a leg along the polyline of its edge."""
+        pace = (until - since) / (end - begin) if end != begin else 0.0
+        self.edges.find(edge, begin)
+        part = self._put(since, until)
+        self._begin(part, self.edges.x, self.edges.y)
+        first = self.edges.firsts[edge] + 1
+        beyond = self.edges.firsts[edge + 1]
+        for number in range(beyond - first):
+            point = first + number if begin <= end else beyond - 1 - number
+            share = self.edges.shares[point]
+            if min(begin, end) < share < max(begin, end):
+                time = since + (share - begin) * pace
+                self.until[part] = time
+                self._end(part, self.edges.xs[point], self.edges.ys[point])
+                part = self._put(time, until)
+                self._begin(part, self.edges.xs[point], self.edges.ys[point])
+        self.edges.find(edge, end)
+        return self._end(part, self.edges.x, self.edges.y)
+
+    def _put(self, since: float, until: float) -> int:
+        """Add a segment; return its number."""
+        part = self.parts
+        if part == self.room:
+            self.make_room(2 * part + 16)
+        self.since[part] = since
+        self.until[part] = until
+        self.parts = part + 1
+        return part
+
+    def _begin(self, part: int, x: float, y: float) -> int:
+        """Set the begin of a segment on the ground."""
+        self.begins[3 * part] = x
+        self.begins[3 * part + 1] = y
+        self.begins[3 * part + 2] = 0.0
+        return 0
+
+    def _end(self, part: int, x: float, y: float) -> int:
+        """Set the end of a segment on the ground."""
+        self.ends[3 * part] = x
+        self.ends[3 * part + 1] = y
+        self.ends[3 * part + 2] = 0.0
+        return 0
 
     def at(self, part: int, axis: int, time: float) -> float:
         """Return a coordinate on a segment at a time, by linear interpolation."""
@@ -445,6 +618,20 @@ class MotionIntervals:
         self.first = first
         self.order = order
         self.count = 0
+
+    def make_room(self, room: int) -> int:
+        """Make room for `room` intervals, and keep the existing ones."""
+        self.agents = extended("q", self.agents, room)
+        self.nodes = extended("q", self.nodes, room)
+        self.legs = extended("q", self.legs, room)
+        self.since = extended("d", self.since, room)
+        self.until = extended("d", self.until, room)
+        self.begins = extended("d", self.begins, room)
+        self.ends = extended("d", self.ends, room)
+        self.keys = extended("q", self.keys, room)
+        self.next = extended("q", self.next, room)
+        self.order = extended("q", self.order, room)
+        return 0
 
     def put(self, agent: int, node: int, leg: int, since: float, until: float) -> int:
         """Add an interval; return its number."""
@@ -935,6 +1122,9 @@ class Contacts:
 
     def _put_lines(self) -> int:
         """List the straight segments of the paths of agents."""
+        self.lines.fill(self.tracks, self.legs, self.pieces)
+        if self.lines.parts > len(self.pieces.agents):
+            self.pieces.make_room(2 * self.lines.parts)
         self.pieces.count = 0
         for agent in range(self.tracks.agents):
             if self.tracks.sides[agent]:

@@ -20,7 +20,7 @@ from typing import Any
 
 from gamms.core import contacts, draws
 from gamms.core.agents import AgentColumns, MoveColumns
-from gamms.core.contacts import Contacts, Legs, MotionIntervals, NodeNumbers, Tracks
+from gamms.core.contacts import Contacts, Legs, MotionIntervals, NodeNumbers, Tracks, extended
 
 # kinds of events
 TAG = 0  # agent, other: whom it tagged, node
@@ -181,13 +181,6 @@ class Events:
         ]
         self.count = 0
         return found
-
-
-def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
-    """Return a copy of a column with room for `room` numbers; `kind` is a type code of `array`."""
-    longer = memoryview(array(kind, bytes(8 * room)))
-    longer[: len(column)] = column
-    return longer
 
 
 # -- verbs -------------------------------------------------------------------------------------------------------------

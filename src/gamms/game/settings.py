@@ -389,7 +389,7 @@ class RuleSpec:
             game.
         core_form: called with a `block.in_core.RuleBuilder`; returns the rule of the core. None: the core of batches
             does not have it.
-        needs_nodes: whether that form is for games in which no agent flies or is on an edge.
+        needs_ground: whether that form is for games in which no agent flies.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         facts_of: called with the state of a batch and the numbers of games; returns the fact under the key of the rule
             in each of these games. None: the fact does not change.
@@ -418,7 +418,7 @@ class RuleSpec:
     last_turn: int | None = None
     array_form: Callable[[Any], None] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
-    needs_nodes: bool = False
+    needs_ground: bool = False
     prepare_arrays: Callable[[Any], object] | None = None
     facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None

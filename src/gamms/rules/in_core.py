@@ -140,7 +140,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
     )
     making.follow(made, ground)
     if nearness.unit == "euclid":
-        making.follow_places(made, nearness, (plays, of_tracks), search)
+        making.follow_places(made, nearness, near, (plays, of_tracks), search)
     return made
 
 

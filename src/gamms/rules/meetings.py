@@ -6,7 +6,8 @@
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from itertools import accumulate, chain
+from itertools import chain
+from math import nan
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.core.rules import Flags, Tagging
+from gamms.errors import UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
     SCORING,
@@ -34,11 +36,12 @@ from gamms.game.movement.travel import ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.visits import Line, TraveledEdges, at_end
+from gamms.rules.visits import TraveledEdges, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Leg, Track
+from gamms.typing.on_edges import Line, LineColumns
 
 _MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
 _MOST_RULES = 32  # rules that are kept per game
@@ -83,7 +86,7 @@ def _zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscript
 
 _NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, ReachableNodes(0).core)
 _NO_PLACES = core.NodePositions(column("q"), column("d"))
-_NO_LINES = core.PathSegments(column("q"), *[column("d")] * 4)
+_NO_LINES = core.PathSegments(0, core.Polylines(), column("d"))
 _ON_NODES = core.SEARCHES["on nodes"]
 
 
@@ -306,7 +309,8 @@ class GameRules(RuleBuilder):
         if unit is None:
             return None
         if unit == "euclid":
-            return _NO_LINES if self.by_metres else _NO_PLACES
+            agents = len(self.roster.names)
+            return core.PathSegments(agents, self.turn.game.lines, column("d")) if self.by_metres else _NO_PLACES
         count = self.turn.game.number_all()
         self.most_numbers = min(self.most_numbers, count)
         return self.turn.game.near(unit, limit, count)
@@ -328,19 +332,18 @@ class GameRules(RuleBuilder):
             self._in_each_turn(lambda _: setattr(rule, "owners", self.owners(ground)))
 
     def follow_places(
-        self, tagging: Tagging, nearness: ContactOptions, sides: tuple[Any, Any], search: ContactSearch
+        self, tagging: Tagging, nearness: ContactOptions, near: Near, sides: tuple[Any, Any], search: ContactSearch
     ) -> None:
         """Set the positions of agents in a tagging in each turn."""
         turn = self.turn
 
         def find(ctx: Context) -> None:
+            if isinstance(near, core.PathSegments):
+                turn.give_places(ctx, near, nearness)
+                return
             rules.fill_steps(self.steps, self.games, 0)
             rules.fill_sides(self.games, 0, *sides)
-            near = turn.near(ctx, sides[1], nearness)
-            pieces = turn.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
-            if tagging.contacts.pieces is not pieces:
-                tagging.contacts = core.Contacts(pieces)
-            search(near, tagging.contacts)
+            search(turn.near(ctx, sides[1], nearness), tagging.contacts)
 
         self._in_each_turn(find)
 
@@ -467,7 +470,7 @@ class TurnContacts:
         self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
         self._counts = _zeros("q", size)
         self._flags = _zeros("q", size * most_legs)
-        ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(3)], self._flags]
+        ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(4)], self._flags]
         self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
         self._rules = None
 
@@ -557,12 +560,11 @@ class TurnContacts:
         where = self._where[agent]
         return where if isinstance(where, Track) else cast("TurnMoves", self._moves).track(where)
 
-    def scratch(self, parts: int = 0) -> core.MotionIntervals:
-        """Return buffers large enough for the moves of these agents, and for `parts` straight lines."""
+    def scratch(self) -> core.MotionIntervals:
+        """Return buffers large enough for the moves of these agents."""
         agents = len(self.roster.names)
         entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
-        pieces = max(parts, entries)
-        return self.game.scratch(pieces, max(self.numbers.count, self.game.streets.count))
+        return self.game.scratch(entries, max(self.numbers.count, self.game.streets.count))
 
     def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         nodes, times, lengths = self.columns
@@ -575,48 +577,25 @@ class TurnContacts:
         return self.edges.xy_at(track if nearness.passing else at_end(track), time, node, at)
 
     def near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
-        """Return the distances between agents on a side."""
-        game = self.game
+        """Return the positions of agents on a side, in a game that counts edges."""
         flying = in_air(ctx, nearness)
-        unit = nearness.unit
-        if unit != "euclid":
-            return game.near(unit, nearness.limit, game.number_all())
-        places = [flying.get(name) for name in self.roster.names]
-        if self.by_metres:
-            return self._segments(sides, places, passing=nearness.passing)
         ids = self.numbers.ids
         nodes = self.columns[0]
         xyz = []
-        for agent, (side, at) in enumerate(zip(sides, places, strict=True)):
+        for agent, (side, name) in enumerate(zip(sides, self.roster.names, strict=True)):
+            at = flying.get(name)
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
-            xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
+            xyz += [self.game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
         return core.NodePositions(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
 
-    def _segments(self, sides: memoryview, flying: Sequence[Position | None], *, passing: bool) -> core.PathSegments:
-        """Return the straight parts of the paths of agents on a side: stays on nodes, then parts of edges."""
-        pieces = self.scratch()
-        core.put_visits(self._tracks(sides, at_end=not passing), self.legs, pieces)
-        columns = [column[: pieces.count] for column in (pieces.agents, pieces.nodes, pieces.since, pieces.until)]
-        parts: list[list[Line]] = [[] for _ in flying]
-        for agent, node, since, until in zip(*columns, strict=True):
-            place = self.game.place(self.numbers.ids[node])
-            parts[agent].append((since, until, place, place))
-        for agent, at in enumerate(flying):
-            if not sides[agent]:
-                continue
-            track = self.track(agent) if passing else at_end(self.track(agent))
-            if at is not None:
-                parts[agent] = [(track.times[0], 1.0, at, at)]
-            else:
-                parts[agent] += self.edges.lines_of(track)
-        lines = list(chain.from_iterable(parts))
-        return core.PathSegments(
-            column("q", [0, *accumulate(map(len, parts))]),
-            column("d", [line[0] for line in lines]),
-            column("d", [line[1] for line in lines]),
-            column("d", chain.from_iterable([line[2] for line in lines])),
-            column("d", chain.from_iterable([line[3] for line in lines])),
-        )
+    def give_places(self, ctx: Context, segments: core.PathSegments, nearness: ContactOptions) -> None:
+        """Set the positions of nodes, of edges that agents move along, and of agents in the air."""
+        flying = in_air(ctx, nearness)
+        on_ground = nan, nan, nan
+        places = [flying.get(name, on_ground) for name in self.roster.names] if flying else []
+        segments.flights = column("d", chain.from_iterable(places))
+        segments.places = self.game.places()
+        self.game.add_lines()
 
 
 def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
@@ -659,6 +638,7 @@ class GameContacts:
         numbers: the argument `numbers`.
         by_metres: whether positions are in metres along edges.
         place: node id -> position of the node on the ground.
+        lines: the polylines of edges, by their numbers; see `add_lines`.
         near: unit and limit of a `ContactOptions` -> nodes near each node.
         pieces: the present buffers.
         keys: number of keys that fit in the buffers.
@@ -677,6 +657,9 @@ class GameContacts:
         self.graph = graph
         self.revision = graph.revision
         self.place = cache(self._place)
+        self.lines = core.Polylines()
+        self._known_lines = LineColumns.of(())
+        self._places: FloatArray = np.zeros((0, 2))  # see `places`
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
@@ -698,6 +681,27 @@ class GameContacts:
     def _place(self, node: int) -> Position:
         _, x, y = self.graph.get_node(node)
         return x, y, 0.0
+
+    def places(self) -> Any:
+        """Return the positions of all nodes, (nodes * 2,); NaN for nodes that are not on the map."""
+        count = self.number_all()
+        if len(self._places) != count:
+            self._places = np.full((count, 2), nan)
+            self._places[self._numbers] = self._columns.xy
+        return self._places.reshape(-1).data
+
+    def add_lines(self) -> None:
+        """Add the polylines of edges that were numbered since the last call; removed edges have no length."""
+        new = [self._line_of(id) for id in self.streets.ids[self.lines.count : self.streets.count]]
+        if new:
+            self._known_lines = self._known_lines.and_then(LineColumns.of(new))
+            self._known_lines.give(self.lines)
+
+    def _line_of(self, id: int) -> Line:
+        try:
+            return Line.of(self.edges[id].points)
+        except UnknownName:
+            return Line([(nan, nan)], [])
 
     def _near(self, unit: str, limit: float, _: int) -> core.NearNodes:
         """Return a search for nodes within a distance, for the present number of nodes."""

@@ -124,7 +124,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             finds=[(*tagging.sides, tagging.nearness, tagging.ground) for tagging in taggings],
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
             uses_scores=True,
-            needs_nodes=any(tagging.nearness.unit == "euclid" for tagging in taggings),
+            needs_ground=any(tagging.nearness.unit == "euclid" for tagging in taggings),
             reads=record({}, shapes_of_grounds(tagging.ground for tagging in taggings)),
         ),
     )

@@ -3,17 +3,12 @@
 A turn is the time from 0 to 1.
 """
 
-from collections.abc import Iterable, Iterator
-from itertools import pairwise
-
 from gamms.context import Context
 from gamms.errors import UnknownName
 from gamms.ir.agents import Position
 from gamms.typing.game import Leg, Track
 from gamms.typing.graph_values import OSMEdge
-from gamms.typing.on_edges import line_along, point_along
-
-Line = tuple[float, float, Position, Position]  # start time, end time, position at the start, position at the end
+from gamms.typing.on_edges import point_along
 
 
 def at_end(track: Track) -> Track:
@@ -76,21 +71,3 @@ class TraveledEdges(dict[int, OSMEdge]):
         except UnknownName:
             return None
         return found.x, found.y
-
-    def lines_of(self, track: Track) -> Iterator[Line]:
-        """Yield the straight parts of an agent's path along edges."""
-        for leg in self._known(track.legs):
-            yield from _lines_along(self[leg.edge], leg)
-
-    def _known(self, legs: Iterable[Leg]) -> Iterator[Leg]:
-        return (leg for leg in legs if self.length_of(leg) is not None)
-
-
-def _lines_along(edge: OSMEdge, leg: Leg) -> Iterator[Line]:
-    """Yield the straight parts of a leg along the polyline of its edge."""
-    line = line_along(edge.points, leg.begin, leg.end)
-    pace = (leg.until - leg.since) / (leg.end - leg.begin) if leg.end != leg.begin else 0.0
-    times = [leg.since, *(leg.since + (share - leg.begin) * pace for share, _, _ in line[1:-1]), leg.until]
-    points = [(x, y, 0.0) for _, x, y in line]
-    for (since, until), (begin, end) in zip(pairwise(times), pairwise(points), strict=True):
-        yield since, until, begin, end

@@ -9,6 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core.ask import point_at
+from gamms.core.contacts import Polylines
 from gamms.errors import ContextTerminated, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Motion, Progress
@@ -79,6 +80,36 @@ class Line(NamedTuple):
         return [far / whole for far in accumulate(self.lengths)]
 
 
+class LineColumns(NamedTuple):
+    """The columns of polylines, as `gamms.core.contacts.Polylines` takes them."""
+
+    firsts: IntArray
+    xs: FloatArray
+    ys: FloatArray
+    lengths: FloatArray  # from each point to the next
+    shares: FloatArray  # of the length of the edge, at each point
+    wholes: FloatArray
+
+    @classmethod
+    def of(cls, lines: Sequence[Line]) -> Self:
+        """Return the columns of some polylines."""
+        firsts = np.cumsum([0, *(len(line.points) for line in lines)])
+        xs, ys = np.array([*chain.from_iterable(line.points for line in lines)], np.float64).reshape(-1, 2).T.copy()
+        lengths = np.array([*chain.from_iterable((*line.lengths, 0.0) for line in lines)], np.float64)
+        shares = np.array([*chain.from_iterable((0.0, *line.shares()) for line in lines)], np.float64)
+        return cls(firsts, xs, ys, lengths, shares, np.array([sum(line.lengths) for line in lines], np.float64))
+
+    def and_then(self, others: Self) -> Self:
+        """Return these polylines followed by others."""
+        firsts = np.concatenate((self.firsts, self.firsts[-1] + others.firsts[1:]))
+        return type(self)(firsts, *map(np.concatenate, zip(self[1:], others[1:], strict=True)))
+
+    def give(self, lines: Polylines) -> None:
+        """Set the polylines of a search of the core."""
+        buffers: list[Any] = [column.data for column in self]
+        lines.take(*buffers)
+
+
 class Lines:
     """The polylines of all edges of a graph, to find many points on them, with exactly the results of `Line`.
 
@@ -91,14 +122,15 @@ class Lines:
         lines = [Line.of(flat) for flat in ends.tolist()]
         for row, polyline in columns.polylines.items():
             lines[row] = Line.of(polyline.ravel().tolist())
-        self._count = np.array([len(line.lengths) for line in lines], np.int64)  # (edges,) number of straight parts
-        self._first = np.cumsum(self._count + 1) - self._count - 1
-        self._whole = np.array([sum(line.lengths) for line in lines])
-        points = list(chain.from_iterable(line.points for line in lines))
-        self._x, self._y = np.array(points, np.float64).reshape(-1, 2).T.copy()
-        # By point: distance to the next point, and share of the line before it.
-        self._lengths = np.array(list(chain.from_iterable((*line.lengths, 0.0) for line in lines)))
-        self._shares = np.array(list(chain.from_iterable((0.0, *line.shares()) for line in lines)))
+        found = LineColumns.of(lines)
+        self.polylines = found
+        self._count = np.diff(found.firsts) - 1  # (edges,) number of straight parts
+        self._first = found.firsts[:-1]
+        self._whole = found.wholes
+        self._x = found.xs
+        self._y = found.ys
+        self._lengths = found.lengths
+        self._shares = found.shares
 
     def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""

@@ -213,7 +213,7 @@ class RuleBuilder(ABC):
         """Keep the owners of nodes in a rule up to date, if the territory is a fact that changes."""
 
     def follow_places(  # noqa: B027
-        self, tagging: Tagging, nearness: ContactOptions, sides: tuple[Any, Any], search: ContactSearch
+        self, tagging: Tagging, nearness: ContactOptions, near: Near, sides: tuple[Any, Any], search: ContactSearch
     ) -> None:
         """Keep straight-line distances in a tagging up to date, if agents may be beside nodes."""
 
@@ -313,6 +313,10 @@ class BatchRules(RuleBuilder):
         unit, limit, *_ = nearness
         if unit is None:
             return None
+        if unit == "euclid" and self.by_metres:
+            return contacts.PathSegments(
+                len(self.roster.names), self._lines(), flat(state.streets.columns.xy, np.float64)
+            )
         if unit == "euclid":
             xyz = np.insert(state.streets.columns.xy, 2, 0.0, axis=1)
             return contacts.NodePositions(self.columns[0], flat(xyz, np.float64))
@@ -324,6 +328,12 @@ class BatchRules(RuleBuilder):
             return near
 
         return kept_in(state.shared, ("reach", unit, limit, self.thread), make)
+
+    def _lines(self) -> contacts.Polylines:
+        """Return the polylines of the edges, with working memory of their own."""
+        found = contacts.Polylines()
+        self.state.movement.lines.polylines.give(found)
+        return found
 
 
 class CoreColumns:
@@ -575,14 +585,12 @@ def is_function(rule: NamedRule) -> bool:
 
 
 def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
-    """Return the rules of a game as a batch calls them; some have no core form where agents leave the nodes."""
-    settings = game.settings()
+    """Return the rules of a game as a batch calls them; some have no core form where agents fly."""
     called = as_called(game.rules)
-    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    leaves_nodes = by_metres or bool(roster.flies.any())
+    some_fly = bool(roster.flies.any())
     are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
     without = [
-        one.spec.core_form is not None and (not are_exact or (leaves_nodes and one.spec.needs_nodes)) for one in called
+        one.spec.core_form is not None and (not are_exact or (some_fly and one.spec.needs_ground)) for one in called
     ]
     return [
         one._replace(rule=_without_core(one.rule)) if is_function else one

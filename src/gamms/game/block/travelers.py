@@ -26,7 +26,7 @@ _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
 _MOST_NEAR = 1 << 17  # nodes on short ways, likewise
 _LONGEST = 256  # nodes on the way of an agent that are remembered
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
-NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
+NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 6, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
 def most_legs(by: MetricMovement) -> int:
@@ -302,7 +302,7 @@ class MetreColumns:
             kept=kept,
             **columns,
         )
-        legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
+        legs: list[Any] = [column.data for column in np.zeros((5, self._agents * most), np.int64)]
         metres: Any = np.zeros(self._agents * most).data
         edge_ids = flat(by.columns.edge_ids, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
