@@ -5,7 +5,7 @@ a plan runs. A verb that changes something is marked with `@refused_while_decidi
 set is `Guarded`, and an attribute that holds what can change is `Protected`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from copy import deepcopy
@@ -54,11 +54,12 @@ class DecidePhase(NotPickled):
         known_names: attributes of agents that were checked for misspellings already.
         agent_kinds: class of agents -> its subclass with the attributes of this context.
         before_reading: called before reading an attribute of an agent that could be changed in place.
+        created: called with the names and start places of agents that were created; None: there is no game yet.
         player: the identifier of the thread that plays a turn; None: no turn is played.
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "before_reading", "known_names", "moment", "owner_changes", "player"),
+        *("agent", "agent_kinds", "before_reading", "created", "known_names", "moment", "owner_changes", "player"),
         *("sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
@@ -72,6 +73,7 @@ class DecidePhase(NotPickled):
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
         self.before_reading: Callable[[], None] | None = None
+        self.created: Callable[[Iterable[tuple[str, Any]]], None] | None = None
         self.player: int | None = None
         self.setting_changes = 0
         self.sensor_changes = 0

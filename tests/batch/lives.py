@@ -58,6 +58,18 @@ def die(ctx, share, delete):
             ctx.game.respawn(agent)
 
 
+def replace(ctx, share, back):
+    """Delete agents, and create others under their names at once, where they were or at node 0, by the seed."""
+    draw = ctx.stream("replace", ctx.game.turn)
+    for agent in [*ctx.agent.create_iter()]:
+        if draw.random() < share:
+            given = {} if agent.speed is None else {"speed": agent.speed}
+            node = 0 if draw.random() < back else agent.current_node_id
+            strategy = agent.strategy
+            ctx.agent.delete_agent(agent.name)
+            ctx.agent.create_agent(agent.name, start_node_id=node, team=agent.team, strategy=strategy, **given)
+
+
 def dig(ctx):
     """Close and open roads by the seed."""
     draw = ctx.stream("dig", ctx.game.turn)
@@ -74,7 +86,7 @@ def tell(ctx, **near):
     agents = sorted(game.agents, key=lambda one: one.name)
     seen = []
     for one, track in zip(agents, game.tracks(agents), strict=True):
-        place = [one.current_node_id, one.prev_node_id, one.edge, one.offset_m]
+        place = [one.current_node_id, one.prev_node_id, one.edge, one.offset_m, game.start_node(one)]
         seen.append([one.name, place, list(track.path), list(track.times), [list(leg) for leg in track.legs]])
     met = [[one.a, one.b, one.time] for one in contacts(ctx, "red", "blue", **near)]
     moves = [[name, move.start, move.end] for name, move in game.moves.items()]

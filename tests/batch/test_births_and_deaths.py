@@ -73,6 +73,7 @@ def rules(draw, way, speed):
         {"rule": "respawn", "with": {"after": 2}},
         {"rule": "none_left", "with": {"team": "red", "winner": "blue"}},
         {"rule": "lives:dig"},
+        {"rule": "lives:replace", "with": {"share": 0.2, "back": 0.5}},
         {"rule": "lives:tell", "with": draw(st.sampled_from(near))},
         die,
     ]

@@ -39,7 +39,7 @@ from gamms.core.copies import copied_values
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import CLOSED, PLAIN, MutedJournal
 from gamms.ir.positions import Positions
@@ -211,6 +211,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         finally:
             block.journal = journal
         journal.entered(agent._row, name)
+        self._note_starts([(name, getattr(agent, "position", agent.current_node_id))])
         if not journal.is_silent:
             journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
@@ -266,6 +267,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if not carried and all(map(is_attribute, values)):
             members = self._added_together(names, nodes, team, strategy, values)
             note_created(self._block, names, given)
+            self._note_starts(zip(names, nodes, strict=True))
             return Team(self._ctx, team, members, lambda: self._block)
         members = UncreatedMembers(names, strategy, {})
         known = set(self._ctx.sensor.sensors)
@@ -279,6 +281,11 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
                 self._ctx.sensor.delete_sensor(sensor_id)
             raise
         return Team(self._ctx, team, members, lambda: self._block)
+
+    def _note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
+        """Tell the game where agents were created."""
+        if self._phase.created is not None:
+            self._phase.created(starts)
 
     def _added_together(
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]

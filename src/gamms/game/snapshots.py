@@ -1,6 +1,6 @@
 """Operations on whole games: snapshots, forks, and the interface `ctx.game.internals` for engines and clients."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -360,6 +360,7 @@ class GameInternals(ContextPart):
     def __init__(self, parts: SnapshotTaker, phase: DecidePhase) -> None:
         self._parts = parts
         self._phase = phase
+        phase.created = self.note_starts
         self.state: GameState = parts.state
         self.draw_start: Callable[[], None] | None = None
         self.after_reset: list[Callable[[], None]] = []
@@ -426,6 +427,11 @@ class GameInternals(ContextPart):
             snapshot: Snapshot = self.state.start.snapshot
             return snapshot.places_of(agents) | began
         return {name: self.start_of(agent) for name, agent in agents.items()} | began
+
+    def note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
+        """Store the starts of agents, by their names, that are created while a game is played."""
+        if self.state.has_begun:
+            self.state.began.update(starts)
 
     def start_of(self, agent: IAgent) -> int | Position:
         """Return the start of an agent: a node id, or (x, y, z)."""

@@ -296,7 +296,7 @@ class GameState:
         moves: moves of the last turn; None before the first turn. Any: the turn engine has its own class.
         departed: agent -> its team and node at deletion, for agents deleted during the game.
         last_turn: the turn after which the present `run` stops; None: no limit.
-        began: agent -> its start, for a game resumed from a recording.
+        began: agent -> its start, if it was created while the game was played, or the game was resumed or copied.
         start: the snapshot to which `reset` returns; None before the first turn. Any: it contains data of all engines.
         drawn: data drawn by a scenario from the seed of the start; replaced, never mutated. Any: form of the builder.
         parts_played: number of parts of the present turn that have moved, in a fork for agents that decide in it; None:

@@ -39,6 +39,7 @@ from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, no_way
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.ir.agents import Position
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -234,7 +235,6 @@ class BatchRules(RuleBuilder):
         travel: ThreadTravel | None,
         known: list[CompiledRule],
         thread: int,
-        home: IntArray,
     ) -> None:
         agents = len(state.roster.names)
         streets = state.streets
@@ -243,7 +243,7 @@ class BatchRules(RuleBuilder):
         self.thread = thread
         self.games = games
         self.events = events
-        self.home = home
+        self.home = state.start
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
@@ -661,8 +661,6 @@ class CoreGames:
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
         self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
-        self._has_own_homes = is_apart or not state.roster.is_first.all()
-        self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder`
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
@@ -684,20 +682,30 @@ class CoreGames:
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
-    def enter(self, game: int, agent: int, node: int) -> None:
-        """Add an agent to a game, on a node."""
+    def enter(self, game: int, agent: int, start: int | Position, node: int, *, after_moves: bool) -> None:
+        """Add an agent to a game, before or after the moves of the turn.
+
+        Args:
+            game: the game.
+            agent: the agent.
+            start: where it was created: a node, or (x, y, z).
+            node: where it is now.
+            after_moves: whether the agents have moved.
+        """
         state = self._state
         block = self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
         state.plays[game, state.roster.team_of[agent]] = True
         self._has_come[game, agent] = True
-        state.start[game, agent] = -1
-        if not block.takes_part[game, agent]:
+        state.start[game, agent] = row if isinstance(start, tuple) else state.streets.rows(start)
+        if not (after_moves and block.takes_part[game, agent]):  # else the move of a deleted agent of its name stays
             for column in (block.start, block.went, block.ends, self._here):
                 column[game, agent] = row
+        if self.courses is not None and not after_moves:
+            self.courses.stand(game, agent, row)
         if state.flights is not None:
-            state.flights.enter(game, agent)
+            state.flights.enter(game, agent, start if isinstance(start, tuple) else None)
 
     def leave(self, game: int, agent: int, node: int) -> None:
         """Remove a deleted agent from a game, and store its last node."""
@@ -707,13 +715,6 @@ class CoreGames:
         state.start[game, agent] = -1
         state.node[game, agent] = state.streets.rows(node)
         state.movement.clear(game, agent)
-
-    def _find_homes(self) -> None:
-        """Set where agents respawn: their start nodes, or their current nodes if they came later."""
-        state = self._state
-        if self._has_own_homes:
-            here = np.where(state.is_there, state.node, -1)
-            self._home[:] = np.where(state.start >= 0, state.start, here)
 
     def hold(self, game: int, agent: int) -> None:
         """Cancel the decision of an agent."""
@@ -835,7 +836,6 @@ class CoreGames:
         while len(self._made) < threads:
             self._made.append(self._player())
         self._take_roads()
-        self._find_homes()
         self._deciding[:] = self._decides_by
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
@@ -891,17 +891,16 @@ class CoreGames:
             if isinstance(part, NamedRule):
                 yield part
             else:
-                self._place_newcomers(games)
+                self.place_newcomers(games)
                 before = self._state.node.copy(), self._state.stops.copy()
                 self._block.give()
                 self._take_roads()
-                self._find_homes()
                 rules.play_games(part, numbers)
                 self._block.take_in()
                 if self._state.flights is not None:
                     self._follow(games, *before)
 
-    def _place_newcomers(self, games: IntArray) -> None:
+    def place_newcomers(self, games: IntArray) -> None:
         """Mark living agents that took no part in the turn as placed: they are on their nodes at its end only."""
         state = self._state
         takes_part = (self._block.takes_part[games] > 0) & ~self._has_come[games]
@@ -934,7 +933,7 @@ class CoreGames:
             alive=memory_of(state.alive),
             placed=memory_of(state.placed),
             stops=memory_of(state.stops),
-            home=memory_of(self._home),
+            home=memory_of(state.start),
             turn=memory_of(state.turn),
             over=block.over.data,
             score=memory_of(block.score),
@@ -975,7 +974,7 @@ class CoreGames:
             travel = columns.thread(args, of_movers, events)
             movers = travel.movers
         self._movers.append(movers)
-        making = BatchRules(state, games, events, travel, block.rules, len(self._made), self._home)
+        making = BatchRules(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None
         if self.has_functions:

@@ -938,7 +938,8 @@ class Cursor:
             self._core.leave(number, self._number_of[name], self._pointed.departed[number][name][1])
         for agent in new:
             place = self._number_of[agent.name]
-            self._core.enter(number, place, agent.current_node_id)
+            start = self._values.began[agent.name]
+            self._core.enter(number, place, start, agent.current_node_id, after_moves=self._part is None)
             if self._part is not None:  # it does not make the move of a deleted agent of its name
                 self._cancel(place)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
@@ -1033,6 +1034,8 @@ class Cursor:
             self._pointed.headings = state.headings[number]
             self._pointed.alive = alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if changed and self._part is None:
+            self._core.place_newcomers(np.array([number]))
         if state.flights is not None:
             fly = self._population.flying, self._population.rows_in_air
             state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)

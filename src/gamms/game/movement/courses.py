@@ -119,6 +119,14 @@ class EdgeCourses:
         most = int(self._lengths.max(initial=1))
         return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
 
+    def stand(self, game: int, agent: int, node: int) -> None:
+        """Let an agent stay on a node for the whole turn."""
+        self._nodes[game, agent, 0] = node
+        self._times[game, agent, 0] = 0.0
+        self._lengths[game, agent] = 1
+        self._ahead[game, agent] = -1
+        self._covered[game, agent] = 0.0
+
     def note_places(self, *, are_open: bool) -> None:
         """Do nothing: agents stand on nodes; see `MetreCourses`."""
 
@@ -197,6 +205,19 @@ class MetreCourses:
         ]
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
+
+    def stand(self, game: int, agent: int, node: int) -> None:
+        """Let an agent stay on a node for the whole turn."""
+        trips = self._trips
+        row = game * self._shape[1] + agent
+        trips.node[row] = node
+        trips.edge[row] = -1
+        trips.share[row] = 0.0
+        trips.motion[row] = Motion.STOPPED
+        trips.legs[row] = 0
+        trips.passed[row] = 1
+        trips.nodes[row, 0] = node
+        trips.times[row, 0] = 0.0
 
     def note_places(self, *, are_open: bool) -> None:
         """Store the positions of agents that are about to move; agents on closed edges are on nodes.

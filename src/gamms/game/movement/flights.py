@@ -67,10 +67,10 @@ class Flights:
             self.position[games, number] = starts[:, number] if position is None else position
             self.previous_position[games, number] = starts[:, number] if previous is None else previous
 
-    def enter(self, game: int, agent: int) -> None:
-        """Add an agent to a game in which it was not at the start, without a flight."""
+    def enter(self, game: int, agent: int, start: Position | None) -> None:
+        """Add an agent to a game in which it was not at the start, without a flight; `start` None: it does not fly."""
         k = self.agents == agent
-        self.start[game, k] = np.nan
+        self.start[game, k] = np.nan if start is None else start
         self.wanted[game, k] = np.nan
         self.turned[game, k] = np.nan
         self.has_flown[game, k] = False
