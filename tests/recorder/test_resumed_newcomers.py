@@ -48,6 +48,22 @@ def test_a_newcomer_gets_the_plain_function_that_another_agent_has(caplog):
     assert caplog.messages == []
 
 
+def test_a_newcomer_in_a_team_of_its_own_is_named(caplog):
+    def found(ctx):
+        if ctx.game.turn == 3:
+            ctx.agent.create_agent("new", start_node_id=0, team="green", strategy=wander)
+
+    stream = io.BytesIO()
+    with game_with(lambda ctx: wander) as ctx:
+        ctx.game.remove("reinforce")
+        ctx.game.add(found)
+        ctx.game.run(10, record=stream)
+    stream.seek(0)
+    with gamms.recorder.open(stream) as recording, recording.resume(6, ctx=game_with(lambda ctx: wander)) as ctx:
+        ctx.game.step()
+    assert caplog.messages == [SAID]
+
+
 SAID = (
     "resume: no strategy decides for agents that came during the recording, 'new': they stay where they are. "
     "Give them, resume(…, strategies={'new': …}), by agent or team."

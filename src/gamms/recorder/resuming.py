@@ -40,7 +40,7 @@ here."""
 _SEED_BITS = 63
 _STARTS = dict_of(TEXT, either(ID, tuple_of(NUMBER, NUMBER, NUMBER)))  # agent -> node or (x, y, z)
 _FEW = 5  # agents that a warning names
-_HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
+_HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN, kinds.AGENT_CREATE)
 
 
 def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
@@ -197,6 +197,7 @@ def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[s
         if isinstance(one.strategy, FunctionType) and one.strategy.__closure__ is None
     }
     deciding = {one.team for one in agents.values() if one.strategy is not None}
+    left_idle = {agents[name].team for name in own if name in agents} - deciding
     columns = then.agents.columns
     missing = []
     for name, recorded in zip(columns["names"], columns["strategies"], strict=True):
@@ -206,7 +207,7 @@ def complete_strategies(ctx: HostContext, then: DetachedState, own: Collection[s
             continue
         if recorded in functions:
             agent.register_strategy(functions[recorded])
-        elif agent.team in deciding:
+        elif agent.team not in left_idle:
             missing.append(name)
     if missing:
         few = ", ".join(map(shown, missing[:_FEW]))
@@ -331,6 +332,9 @@ def history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
             known[LOGGED[kind]].append(data)
         elif kind == kinds.GAME_FACTS:
             change(known["facts"], data)
+        elif kind == kinds.AGENT_CREATE:
+            position = data["state"].get("position")
+            starts[data["name"]] = data["kwargs"]["start_node_id"] if position is None else tuple(position)
         if kind in (kinds.SNAPSHOT, kinds.GAME_TURN):
             starts |= data.get("starts", {})
     return {**known, "starts": starts}
