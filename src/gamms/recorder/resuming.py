@@ -333,7 +333,7 @@ def history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
         elif kind == kinds.GAME_FACTS:
             change(known["facts"], data)
         elif kind == kinds.AGENT_CREATE:
-            position = data["state"].get("position")
+            position = data.get("state", {}).get("position")  # none in the knowledge of a team
             starts[data["name"]] = data["kwargs"]["start_node_id"] if position is None else tuple(position)
         if kind in (kinds.SNAPSHOT, kinds.GAME_TURN):
             starts |= data.get("starts", {})
