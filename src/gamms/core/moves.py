@@ -169,6 +169,7 @@ class OneEdgeMovers:
     def decide(self, games: GameColumns, game: int) -> int:
         """Choose the moves of the living agents in this part of the turn; all other agents stay."""
         begin_part(games, self, game)
+        stay_all(games, self, game)
         walk_at_random(games, self, game)
         take_given(games, self, game)
         return follow_steps(games, self, game)
@@ -258,7 +259,7 @@ class OneEdgeMovers:
 
 
 def begin_part(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Begin a part of a turn: all agents stay, unless they decide otherwise."""
+    """Begin a part of a turn for all agents."""
     at = game * games.agents
     first = games.first_node[game]
     part = m.part[game]
@@ -266,11 +267,9 @@ def begin_part(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
         row = at + i
         if part == 0:
             set_out(games, m, row)
-        m.counts[row] = count_legal(m.streets, first + games.node[row])
-        m.ends[row] = games.node[row]
-        if m.takes_part[row] and m.part_of[i] == part:
+        elif decides_now(m, row, i, part):
             games.start[row] = games.node[row]
-            m.blocked[row] = 0
+        m.counts[row] = count_legal(m.streets, first + games.node[row])
     return 0
 
 
@@ -279,8 +278,20 @@ def decides_now(m: OneEdgeMovers, row: int, i: int, part: int) -> bool:
     return m.takes_part[row] > 0 and m.part_of[i] == part
 
 
+def stay_all(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
+    """Let agents that stay do so."""
+    at = game * games.agents
+    part = m.part[game]
+    for place in range(m.kind_ends[STAYS]):
+        i = m.by_kind[place]
+        m.ends[at + i] = games.node[at + i]
+        if decides_now(m, at + i, i, part):
+            m.blocked[at + i] = 0
+    return 0
+
+
 def walk_at_random(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the nodes of agents that walk at random."""
+    """Choose the nodes of agents that walk at random; those that do not decide now stay."""
     begin = m.kind_ends[STAYS]
     end = m.kind_ends[WALKS]
     if begin == end:
@@ -292,13 +303,16 @@ def walk_at_random(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     for place in range(begin, end):  # until here, `ends` holds numbers of legal nodes
         i = m.by_kind[place]
         row = at + i
-        number = m.ends[row] if decides_now(m, row, i, part) else 0
-        m.ends[row] = legal_node(m.streets, first, games.node[row], number)
+        if decides_now(m, row, i, part):
+            m.blocked[row] = 0
+            m.ends[row] = legal_node(m.streets, first, games.node[row], m.ends[row])
+        else:
+            m.ends[row] = games.node[row]
     return 0
 
 
 def take_given(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the nodes of agents whose actions are given."""
+    """Choose the nodes of agents whose actions are given; those that do not decide now stay."""
     at = game * games.agents
     first = games.first_node[game]
     part = m.part[game]
@@ -306,17 +320,22 @@ def take_given(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
         i = m.by_kind[place]
         row = at + i
         if decides_now(m, row, i, part):
+            m.blocked[row] = 0
             m.ends[row] = legal_node(m.streets, first, games.node[row], m.given[row])
+        else:
+            m.ends[row] = games.node[row]
     return 0
 
 
 def follow_steps(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the nodes of agents that follow the steps of strategies."""
+    """Choose the nodes of agents that follow the steps of strategies; those that do not decide now stay."""
     at = game * games.agents
     part = m.part[game]
     for place in range(m.kind_ends[IS_GIVEN], m.kind_ends[STEPS]):
         i = m.by_kind[place]
+        m.ends[at + i] = games.node[at + i]
         if decides_now(m, at + i, i, part):
+            m.blocked[at + i] = 0
             m.ends[at + i] = node_by_steps(games, m, game, i)
     return 0
 

@@ -184,12 +184,16 @@ class Scenario(Surface, Immutable):
 
         Args:
             given: the teams and agents that the caller gives strategies.
+
+        Raises:
+            BadType: `given` is not a collection of names.
         """
+        names = [as_text(name, "a name of given") for name in as_items(given, "given", "names")]
         decided = set[str]()
         for name, team in members(self.spec).items():
             strategies = [self.spec.teams[name].plan, self.spec.teams[name].strategy]
             strategies += [one.listed.strategy for one in team if one.listed]
-            if any(strategies) or not {name, *(one.name for one in team)}.isdisjoint(given):
+            if any(strategies) or not {name, *(one.name for one in team)}.isdisjoint(names):
                 decided.add(name)
         warn_of_idle(self.spec.teams, decided, self._named_idle, logging.getLogger("gamms").warning)
 

@@ -381,13 +381,16 @@ class GameArrays:
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
-        numbers = games.tolist()
-        has_changed = [self.seeds[game] != seed for game, seed in zip(numbers, seeds, strict=True)]
-        for game, seed in zip(numbers, seeds, strict=True):
-            self.seeds[game] = seed
+        changed = []
+        for place, (game, seed) in enumerate(zip(games.tolist(), seeds, strict=True)):
+            if self.seeds[game] != seed:
+                self.seeds[game] = seed
+                changed.append(place)
+            if self.errors[game]:
+                self.errors[game] = []
+            if self.headings[game]:
+                self.headings[game] = {}
             self.over[game] = None
-            self.errors[game] = []
-            self.headings[game] = {}
         self.start[games] = np.where(self.roster.is_first, start, -1)
         self.node[games] = start
         self.previous[games] = start
@@ -403,7 +406,7 @@ class GameArrays:
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
-        self._take_seeds(games[has_changed])
+        self._take_seeds(games[changed])
         self._seeds = None
         self.now.clear()
         for log in self._logs:
