@@ -76,10 +76,10 @@ cdef int begin_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogi
 cdef bint decides_now(OneEdgeMovers m, i64 row, i64 i, i64 part) except -1 nogil
 @cython.locals(at=i64, part=i64, place=i64, i=i64)
 cdef int stay_all(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
-@cython.locals(begin=i64, end=i64, at=i64, first=i64, part=i64, place=i64, i=i64, row=i64)
+@cython.locals(begin=i64, end=i64)
 cdef int walk_at_random(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 @cython.locals(at=i64, first=i64, part=i64, place=i64, i=i64, row=i64)
-cdef int take_given(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef int take_numbers(GameColumns games, OneEdgeMovers m, i64 game, int kind, const i64[::1] numbers) except -1 nogil
 @cython.locals(at=i64, part=i64, place=i64, i=i64)
 cdef int follow_steps(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 

@@ -171,7 +171,7 @@ class OneEdgeMovers:
         begin_part(games, self, game)
         stay_all(games, self, game)
         walk_at_random(games, self, game)
-        take_given(games, self, game)
+        take_numbers(games, self, game, IS_GIVEN, self.given)
         return follow_steps(games, self, game)
 
     def settle(self, games: GameColumns, game: int) -> int:
@@ -291,37 +291,26 @@ def stay_all(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
 
 
 def walk_at_random(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the nodes of agents that walk at random; those that do not decide now stay."""
+    """Choose the nodes of agents that walk at random."""
     begin = m.kind_ends[STAYS]
     end = m.kind_ends[WALKS]
-    if begin == end:
-        return 0
-    at = game * games.agents
-    first = games.first_node[game]
-    part = m.part[game]
-    draws.choose(m.walks, at, m.by_kind, begin, end, games.turn[game])
-    for place in range(begin, end):  # until here, `ends` holds numbers of legal nodes
-        i = m.by_kind[place]
-        row = at + i
-        if decides_now(m, row, i, part):
-            m.blocked[row] = 0
-            m.ends[row] = legal_node(m.streets, first, games.node[row], m.ends[row])
-        else:
-            m.ends[row] = games.node[row]
+    if begin < end:
+        draws.choose(m.walks, game * games.agents, m.by_kind, begin, end, games.turn[game])
+        take_numbers(games, m, game, WALKS, m.ends)
     return 0
 
 
-def take_given(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the nodes of agents whose actions are given; those that do not decide now stay."""
+def take_numbers(games: GameColumns, m: OneEdgeMovers, game: int, kind: int, numbers: memoryview[int]) -> int:
+    """Choose the nodes of agents of a kind from the numbers of legal nodes, (rows,); others than deciders stay."""
     at = game * games.agents
     first = games.first_node[game]
     part = m.part[game]
-    for place in range(m.kind_ends[WALKS], m.kind_ends[IS_GIVEN]):
+    for place in range(m.kind_ends[kind - 1], m.kind_ends[kind]):
         i = m.by_kind[place]
         row = at + i
         if decides_now(m, row, i, part):
             m.blocked[row] = 0
-            m.ends[row] = legal_node(m.streets, first, games.node[row], m.given[row])
+            m.ends[row] = legal_node(m.streets, first, games.node[row], numbers[row])
         else:
             m.ends[row] = games.node[row]
     return 0
