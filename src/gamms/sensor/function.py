@@ -61,7 +61,12 @@ class FunctionSensor(Sensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         agent = None if self._owner is None or self._takes < 2 else self.ctx.agent.get_agent(self._owner)
-        sensed = self._function(*(node_id, agent)[: self._takes])
+        try:
+            sensed = self._function(*(node_id, agent)[: self._takes])
+        except Exception as error:
+            whose = "" if self._owner is None else f" of agent {self._owner!r}"
+            error.add_note(f"In the function of sensor {self.sensor_id!r}{whose}.")
+            raise
         try:
             self._last[0] = copied(sensed)
         except Exception as error:
