@@ -150,7 +150,9 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     @refused_while_deciding
     def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> Sensor:
         """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it."""
-        given = as_mapping(declaration, "declaration")
+        given = {
+            as_name(key, "a declared keyword"): value for key, value in as_mapping(declaration, "declaration").items()
+        }
         known = self._sensors.get(sensor_id)
         if known is not None and owner_of(known) is None:
             self.delete_sensor(sensor_id)
