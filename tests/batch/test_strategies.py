@@ -1,8 +1,9 @@
 """The array forms of strategies do what their scalar forms do, in all games at once."""
 
 import pytest
-from batch_scenes import scene
+from batch_scenes import check_games, scene
 
+import gamms
 from gamms.game import IllegalAction
 from gamms.scenario import Scenario
 from gamms.strategies import (
@@ -60,3 +61,15 @@ def test_strategies_that_call_functions_have_no_array_form():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
                 assert games.slow == slow
+
+
+@pytest.mark.parametrize("strategy", [gamms.strategies.chase, gamms.strategies.flee])
+def test_agents_without_a_team_are_enemies_of_each_other(strategy):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        for number, node in enumerate((0, 12, 24, 3)):
+            eyes = ctx.sensor.create_sensor(f"eyes {number}", "agent_range", sensor_range=25.0)
+            made = strategy(ctx) if number % 2 else gamms.strategies.random_walk
+            ctx.agent.create_agent(f"a{number}", start_node_id=node, sensors=[eyes], strategy=made)
+        ctx.game.max_turns = 12
+        check_games(ctx, seeds=range(6))

@@ -70,6 +70,7 @@ cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(at=i64)
 cdef bint _sees(SensorTable looks, GameColumns games, i64 game, i64 agent, i64 other) except -1 nogil
+cdef bint are_mates(GameColumns games, i64 agent, i64 other) except -1 nogil
 @cython.locals(dx=double, dy=double, square=double, sensor=i64)
 cdef bint shows(SensorTable looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(widest=double, sensor=i64)

@@ -303,9 +303,14 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
 def _sees(looks: SensorTable, games: GameColumns, game: int, agent: int, other: int) -> bool:
     """Return whether an agent sees another one, and it is an enemy."""
     at = game * games.agents
-    if not games.alive[at + other] or games.team[other] == games.team[agent]:
+    if not games.alive[at + other] or other == agent or are_mates(games, agent, other):
         return False
     return shows(looks, agent, games.team[other], games.node[at + agent], games.node[at + other])
+
+
+def are_mates(games: GameColumns, agent: int, other: int) -> bool:
+    """Return whether two agents are of one team; agents without a team have no mates."""
+    return games.team[agent] == games.team[other] and games.team[agent] != games.nobody
 
 
 def shows(looks: SensorTable, agent: int, team: int, here: int, there: int) -> bool:
