@@ -111,7 +111,7 @@ FOR_ENGINES = {  # names that only engines and clients use
     "ctx.graph": "obstacle_revision scenery_columns storage",
     "ctx.record": "follow unfollow",
     "ctx.sensor": "from_declaration storage",
-    "ctx.visual": "after_turn is_closing",
+    "ctx.visual": "after_turn is_closing quiet_turns",
 }
 AS_KEYWORDS = {  # settings that `create_context(game=…)` takes, and that few games read or set later
     "ctx.game": "decide deeds deadline_s default_action information legal on_error on_illegal speed_unit team_memory "

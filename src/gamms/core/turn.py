@@ -50,6 +50,8 @@ class Player:
         first: the first rule, if `has_rules`.
         until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
         stop: (1,) not 0: all games stop at once, each between two turns, or before the next game of a phase.
+        past: (turns * agents,) in a single game, the nodes of its agents after its last turns, in row t modulo `turns`
+            those of turn t. Empty: they are not kept.
     """
 
     def __init__(
@@ -60,8 +62,10 @@ class Player:
         first: rules.Rule | None,
         until: memoryview[int],
         stop: memoryview[int],
+        past: memoryview[int],
     ) -> None:
         self.stop = stop
+        self.past = past
         self.games = games
         self.movers = movers
         self.arrivals = at_arrivals
@@ -114,6 +118,17 @@ def play(p: Player, begin: int, end: int) -> int:
                 return 0
             decide(p, game)
             move(p, game)
+            if len(p.past) > 0 and p.movers.part[game] == 0:
+                note_places(p)
+    return 0
+
+
+def note_places(p: Player) -> int:
+    """Keep the nodes of the agents of a single game after a turn."""
+    agents = p.games.agents
+    first = p.games.turn[0] * agents % len(p.past)
+    for i in range(agents):
+        p.past[first + i] = p.games.node[i]
     return 0
 
 

@@ -36,9 +36,8 @@ from gamms.game.block.columns import (
     ComingAgent,
     NewAgents,
     PlayedGame,
-    agents_of,
     drawn_maps,
-    reserved,
+    roster_of,
 )
 from gamms.game.block.state import Columns, GameArrays
 from gamms.game.cursor.called_functions import first_called
@@ -126,7 +125,7 @@ class Batch(Surface, Immutable, NotPickled):
         most_agents: MostAgents | None,
     ) -> None:
         self._sources = sources
-        self._rosters = [_roster_of(source.game, most_agents) for source in sources]
+        self._rosters = [roster_of(source.game, most_agents) for source in sources]
         self._roster = self._rosters[0]
         for number, roster in enumerate(self._rosters):
             _refuse_other_agents(roster, self._roster, number)
@@ -885,16 +884,6 @@ class Batch(Surface, Immutable, NotPickled):
             some = next(iter(nodes.values()))  # reserved names need a node, but never use it
             found[which] = np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
         return found
-
-
-def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> AgentTable:
-    """Return the roster of a game's agents, with names reserved for agents that may enter later."""
-    agents = agents_of(game)
-    roster = AgentTable.of(agents)
-    coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
-    if most_agents is not None:
-        coming |= {agent.name: agent for agent in reserved(roster, most_agents)}
-    return AgentTable.of(agents, [agent for name, agent in coming.items() if name not in roster.names])
 
 
 def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> None:

@@ -1,7 +1,7 @@
 """The public interface of the game engine: `ctx.game`, which plays turns of simultaneous moves."""
 
 import os
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
 from time import perf_counter
 from types import EllipsisType
@@ -41,6 +41,7 @@ from gamms.versions import versions
 
 if TYPE_CHECKING:
     from gamms.game.batch import Batch, MostAgents
+    from gamms.game.native import GameInCore
 
 
 class Game(Surface, RuleVerbs):
@@ -61,6 +62,7 @@ class Game(Surface, RuleVerbs):
         self._snapshots = SnapshotTaker(ctx, self._state, self, self._ruleset, self._collectors, self._turns)
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
+        self._in_core: GameInCore | None = None  # of the last run; None: Python took part in its turns
         self._unchecked_plans: list[Any] = []  # teams that got a plan since the last turn
         self._is_closed = True
 
@@ -211,9 +213,9 @@ class Game(Surface, RuleVerbs):
                 "between two turns. A rule ends it with ctx.game.end(…), and looks ahead in ctx.game.fork(seed)."
             )
 
-    def _take_turn(self) -> bool:
+    def _begin_turn(self) -> bool:
+        """Prepare the next turn; return whether there is one."""
         state = self._state
-        turns = self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
         if not state.has_begun:
@@ -226,6 +228,14 @@ class Game(Surface, RuleVerbs):
             self._prepare_strategies()
         if self._unchecked_plans:
             self._warn_of_unknown_teams()
+        return True
+
+    def _take_turn(self) -> bool:
+        """Play a turn, unless the game is over; return whether it goes on."""
+        if not self._begin_turn():
+            return False
+        state = self._state
+        turns = self._turns
         turns.is_playing = True
         try:
             self._play()
@@ -327,23 +337,47 @@ class Game(Surface, RuleVerbs):
         self._internals.warn_of_idle_teams()
         known = len(self.errors)
         scored = set(self._state.scores)
-        of = "" if last is None else f" of {last}"
         with ExitStack() as stack:
             if record is not None:
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
             stack.enter_context(seeded_for_run(self.ctx, self._state.turn))
             show = stack.enter_context(progress_line())
-            warn_at = self._state.turn + MANY_TURNS if self.last_turn is None else None
-            while (last is None or self._state.turn < last) and self._take_turn():
-                if progress:
-                    show(f"turn {self._state.turn}{of}")
-                if self._state.turn == warn_at:
-                    warn_of_no_end(self.ctx.logger)
+            self._play_until(last, show if progress else None)
         if len(self.errors) > known:
             self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
         self._warn_of_misspelt(self._state.scores.keys() - scored)
         return self.result()
+
+    def _play_until(self, last: int | None, show: Callable[[str], None] | None) -> None:
+        """Play until the last turn, or the end of the game; `show` gets the progress."""
+        of = "" if last is None else f" of {last}"
+        warn_at = self._state.turn + MANY_TURNS if self.last_turn is None else None
+
+        def after_turns() -> None:
+            nonlocal warn_at
+            if show is not None:
+                show(f"turn {self._state.turn}{of}")
+            if warn_at is not None and self._state.turn >= warn_at:
+                warn_at = None
+                warn_of_no_end(self.ctx.logger)
+
+        ahead = self._ahead(last, after_turns)
+        while (last is None or self._state.turn < last) and self._begin_turn():
+            next(ahead)
+            if not self._take_turn():
+                return
+            after_turns()
+
+    def _ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[None]:
+        """Yield before each turn that the turn engine has to play; the core plays the others, see `native`."""
+        from gamms.game.native import game_in_core  # few programs need it
+
+        self._in_core = game_in_core(self, last, self._in_core)
+        if self._in_core is not None:
+            yield from self._in_core.ahead(last, after_turns)
+        while True:
+            yield
 
     def _warn_of_misspelt(self, scored: set[object]) -> None:
         """Log a warning for each new key of scores, and for a winner, that resembles the name of a team or agent."""

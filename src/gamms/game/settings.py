@@ -395,6 +395,8 @@ class RuleSpec:
             in each of these games. None: the fact does not change.
         begin_arrays: called with the context and the state of a batch; returns the arrays that the form of the core
             keeps about the game of the context, which may have begun: key -> name -> array of one game.
+        show_arrays: called with the context, the state of a batch of its game alone, and the number of events of the
+            last turn from later rules; writes what the form of the core keeps about the game into the context.
         is_array_function: whether the rule was made from its array form.
     """
 
@@ -422,6 +424,7 @@ class RuleSpec:
     prepare_arrays: Callable[[Any], object] | None = None
     facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
+    show_arrays: Callable[[Any, Any, int], object] | None = None
     is_array_function: bool = False
 
 
@@ -477,7 +480,7 @@ class NamedRule(NamedTuple):
         spec = rule_spec_of(self.rule)
         if self.phase == "after" or spec.core_form is None:
             return spec
-        return replace(spec, core_form=None, prepare_arrays=None, begin_arrays=None)
+        return replace(spec, core_form=None, prepare_arrays=None, begin_arrays=None, show_arrays=None)
 
     def __repr__(self) -> str:
         """Return the name, the rule as source code, and the phase."""

@@ -100,6 +100,11 @@ class TurnEngine:
     def is_playing(self, is_playing: bool) -> None:
         self._phase.player = get_ident() if is_playing else None
 
+    @property
+    def sensor_changes(self) -> int:
+        """The number of changes of sensor settings, and of added and removed sensors."""
+        return self._phase.sensor_changes
+
     def order(self) -> TurnOrder:
         """Return the living agents in the order of a turn."""
         if self._order is not None and self._phase.agent is not None:
@@ -211,6 +216,16 @@ class TurnEngine:
             while since is not None and (since := since.next) is not None:
                 state.departed[since.agent.name] = since.team, since.node
 
+    def restart_counts(self) -> None:
+        """Drop the moves that are not in the counts of the agents yet."""
+        if self._order is not None:
+            self._order.restart_counts()
+
+    def show_blocked(self) -> None:
+        """Update the reasons in the states of agents why their last actions were not executed."""
+        for slot in () if self._order is None else self._order.slots.made():
+            slot.show_blocked()
+
     def list_counts(self) -> None:
         """Add conflicts, and agents whose slots are not made, to the counts."""
         if self._order is not None:
@@ -237,8 +252,8 @@ class TurnEngine:
             return
         order.restart_counts()
         order.slots.table.begin_again()
-        for slot in order.slots.made() if shows_blocked else ():
-            slot.show_blocked()
+        if shows_blocked:
+            self.show_blocked()
         for name, marks in drawn.items():
             if name in order.index_of:
                 order.slots[order.index_of[name]].go_to(marks)

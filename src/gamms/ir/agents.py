@@ -16,7 +16,7 @@ from gamms.core.agents import AgentColumns, MoveColumns, PointedColumns
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
-from gamms.ir.graph import NodeFinder
+from gamms.ir.graph import IntArray, NodeFinder
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Progress
 from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLACES
@@ -572,6 +572,13 @@ def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) 
 def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
     """Show the ground positions of agents in a game of a batch, without recording changes."""
     games.point(number)
+    block._have_all_changed = True
+
+
+def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> None:
+    """Show the current and the previous nodes of all agents, (agents,) ids by row, without recording changes."""
+    np.asarray(block.node)[:] = node
+    np.asarray(block.previous)[:] = previous
     block._have_all_changed = True
 
 

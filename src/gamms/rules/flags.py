@@ -101,6 +101,7 @@ def capture_flag(
             prepare_arrays=game.prepare_arrays,
             facts_of=game.facts_of if game.announce else None,
             begin_arrays=game.begin_arrays,
+            show_arrays=game.show_arrays,
             keeps=at((game.key,), game.shape),
             reads=record({}, {**grounds, game.key: _ANNOUNCED} if game.announce else grounds),
         ),
@@ -151,6 +152,18 @@ class _FlagRule(FlagArguments):
             fresh = ctx.game.events[known["seen"] :]
             self._take(known, first, state.roster.teams, numbers, state.stops[0], fresh)
         return {("capture_flag", self.key): first}
+
+    def show_arrays(self, ctx: Context, state: GameArrays, later: int) -> None:
+        """Write the state of the rule in the core into the context; the last `later` events are of later rules."""
+        kept = state.kept["capture_flag", self.key]
+        data = self._state(ctx.game.internals.state)
+        names = state.roster.names
+        for team, carrier in zip(self.bases, kept["carriers"][0].tolist(), strict=True):
+            data["carriers"][team] = names[carrier] if carrier >= 0 else None
+        captures = zip(state.roster.teams, kept["captures"][0].tolist(), strict=True)
+        data["captures"] |= {team: number for team, number in captures if number}
+        data["seen"] = len(ctx.game.events) - later
+        self._publish(ctx, data["carriers"])
 
     def _take(
         self,

@@ -14,7 +14,7 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, as_node_id, shortest_edges
 from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
-from gamms.rules.visits import TraveledEdges
+from gamms.rules.meetings import TraveledEdges
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
 from gamms.typing.game import TEAMS, Leg, Move

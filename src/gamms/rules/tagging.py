@@ -174,12 +174,19 @@ def respawn(
         for name, values in memory(state, roster).items():
             made.kept[name][:] = values
         made.play(ctx)
-        deleted = {name: turn for name, turn in state["out"].items() if name not in roster.names}
-        state["out"] = {**deleted, **_by_name(made.kept["out"], roster.names, -1)}
-        state["times"] |= _by_name(made.kept["times"], roster.names, 0)
+        show(state, made.kept, roster.names)
 
     def memory(known: Mapping[str, Any], roster: AgentTable) -> Arrays:
         return {"out": roster.column(known.get("out", {}), -1), "times": roster.column(known.get("times", {}), 0)}
+
+    def show(state: dict[str, Any], kept: Arrays, names: Sequence[str]) -> None:
+        deleted = {name: turn for name, turn in state["out"].items() if name not in names}
+        state["out"] = {**deleted, **_by_name(kept["out"], names, -1)}
+        state["times"] |= _by_name(kept["times"], names, 0)
+
+    def show_arrays(ctx: Context, state: GameArrays, later: int) -> None:  # noqa: ARG001 - it reads no events
+        known = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
+        show(known, state.kept["respawn", key], state.roster.names)
 
     def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
@@ -195,6 +202,7 @@ def respawn(
             disclose=all_know("respawns", key),
             core_form=form,
             begin_arrays=begin_arrays,
+            show_arrays=show_arrays,
             keeps=at(("respawns", key), record({"out": _COUNTS, "times": _COUNTS})),
         ),
     )

@@ -20,6 +20,7 @@ from gamms.visual.artists import Artists
 from gamms.visual.drawing import Drawing
 from gamms.visual.files import size
 from gamms.visual.pictures import Pictures
+from gamms.visual.shown_turn import PastTurns
 
 _OFFSCREEN_OPTIONS = ("width", "height", "video", "fps", "frames_per_turn", "simulation_time_constant", "title", "note")
 
@@ -216,6 +217,12 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         for listener in self._after_turn:
             listener()
         self.pictures.add_turn()
+
+    @property
+    def quiet_turns(self) -> PastTurns | None:
+        """The turns that trails show; None if more than that happens at the end of a turn."""
+        is_quiet = not (self._after_turn or self.artists.drawings.commands or self.pictures.films)
+        return self.drawing.turns if is_quiet and type(self).simulate is PictureEngine.simulate else None
 
     def update(self) -> None:
         """Do nothing, because there is no window."""

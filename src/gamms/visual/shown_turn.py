@@ -130,12 +130,40 @@ class PastTurns:
             last = names, ctx.agent.positions.previous_places, 0, names, ()
         if names is not self._names:
             self._names = names
-            self.entries = deque(self.entries, min(max(_MOST_PLACES // max(len(names), 1), 1), MOST_TURNS))
+            self.entries = deque(self.entries, self.room)
         now = names, places, number, last[0], last[1]
         self.latest = now
         self.entries.append(now)
         if not number:
             self.count += 1
+
+    @property
+    def room(self) -> int:
+        """The number of turns of the present agents that are remembered."""
+        return min(max(_MOST_PLACES // max(len(self._ctx.agent.positions.names), 1), 1), MOST_TURNS)
+
+    def end_turns(self, begin: IntArray, places: IntArray, last: int, *, goes_on: bool) -> None:
+        """Store the ends of several turns of the present agents.
+
+        Args:
+            begin: (agents,) the node ids when the first of these turns began.
+            places: (turns, agents) the node ids at the end of each turn.
+            last: the number of the last of these turns.
+            goes_on: whether the first of them follows the latest turn that is stored, if there is one.
+        """
+        names = self._ctx.agent.positions.noted_names()
+        number = last - len(places)
+        if self.latest is not None and number + 1 < self.latest[2]:  # the game was reset
+            self.forget()
+        before = self.latest[:2] if self.latest is not None and goes_on else (names, begin.tolist())
+        if names is not self._names:
+            self._names = names
+            self.entries = deque(self.entries, self.room)
+        for end in places.tolist():
+            number += 1
+            self.latest = names, end, number, *before
+            self.entries.append(self.latest)
+            before = names, end
 
     def forget(self) -> None:
         """Forget all turns, and restart with the present positions before the next turn."""

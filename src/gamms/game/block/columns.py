@@ -530,3 +530,14 @@ def in_turns(turns: IntArray, games: IntArray) -> str:
     known = np.unique(turns).tolist() or [0]
     those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
     return f"{those} of game {games[0]}" if len(games) == 1 else those
+
+
+def roster_of(game: PlayedGame, most_agents: object = None) -> AgentTable:
+    """Return the roster of a game's agents, with names reserved for agents that may come later; see `reserved`."""
+    agents = agents_of(game)
+    roster = AgentTable.of(agents)
+    coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
+    if most_agents is not None:
+        coming |= {agent.name: agent for agent in reserved(roster, most_agents)}
+    more = [agent for name, agent in coming.items() if name not in roster.names]
+    return AgentTable.of(agents, more) if more else roster

@@ -357,6 +357,7 @@ class CoreColumns:
         events: the events of each thread.
         illegal: decisions of the last phase that the core could not execute, by game and agent.
         waiting: the agents, by game, that have arrived too often in the last phase.
+        noted: the events of the last phase, without ends; None: there were none.
     """
 
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
@@ -375,6 +376,7 @@ class CoreColumns:
         self.events: list[rules.Events] = []
         self.illegal: list[Failure] = []
         self.waiting: set[tuple[int, int]] = set()
+        self.noted: CoreEvents | None = None
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
         self.begin(np.arange(shape[0]))
@@ -409,7 +411,9 @@ class CoreColumns:
         wrong: list[tuple[Failure, int]] = []
         self.illegal = []
         self.waiting = set()
+        self.noted = None
         for noted in [self._read(events) for events in self.events if events.count]:
+            self.noted = noted
             is_wrong = noted.kinds >= _ILLEGAL
             for row in np.flatnonzero(is_wrong).tolist():
                 failure = self._failure_of(noted, row)
@@ -551,7 +555,7 @@ def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | Non
         roster: the agents; an agent without a strategy stays.
         number: the number of the agent.
     """
-    settings = game.settings()
+    settings = game.internals.parts.settings.settings_now()
     agent = roster.agents[number]
     decider = decider_of(agent, settings["plans"])
     if roster.varies[number]:
@@ -615,8 +619,11 @@ class CoreGames:
         state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
         is_apart: whether rules run after all games have moved, because functions are called between them.
+        past_turns: in a single game, the number of turns after which the nodes of agents are kept; see `past`.
 
     Attributes:
+        numbers: rule of the core -> the least number of later rules in events.
+        past: (past_turns, agents) the nodes of the agents after turn t, in row t modulo `past_turns`.
         has_functions: whether functions are called between its phases.
         part_of: (agents,) the part of the turn in which each agent decides and moves, in the order of play.
         num_parts: the number of parts of a turn.
@@ -625,8 +632,12 @@ class CoreGames:
 
     arrival: int | None = None
 
-    def __init__(self, game: PlayedGame, state: GameArrays, block: CoreColumns, *, is_apart: bool) -> None:
+    def __init__(
+        self, game: PlayedGame, state: GameArrays, block: CoreColumns, *, is_apart: bool, past_turns: int = 0
+    ) -> None:
         settings = game.settings()
+        self.numbers: dict[str, int] = {}
+        self.past = np.zeros((past_turns, len(state.roster.names)), np.int64)
         self._state = state
         self._block = block
         called = called_rules(game, state.roster)
@@ -984,7 +995,8 @@ class CoreGames:
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
-        return turn.Player(games, movers, at_arrivals, first, self._until.data, state.stop.data), making
+        flags = self._until.data, state.stop.data
+        return turn.Player(games, movers, at_arrivals, first, *flags, memory_of(self.past)), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""
@@ -993,9 +1005,12 @@ class CoreGames:
             if are_functions:
                 parts += several
             else:
-                parts.append(
-                    rules.chained([form(making) for one in several if (form := one.spec.core_form) is not None])
-                )
+                made = []
+                for one in several:
+                    assert one.spec.core_form is not None  # noqa: S101 - it is no function
+                    made.append(one.spec.core_form(making))
+                    self.numbers[one.name] = len(making.rules)
+                parts.append(rules.chained(made))
         return parts
 
     def _new_columns(self) -> EdgeColumns | MetreColumns | None:

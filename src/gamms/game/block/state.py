@@ -109,21 +109,16 @@ class CoreEvents(NamedTuple):
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 
-    def emitted(self, names: Sequence[str]) -> Iterator[EmittedEvents]:
-        """Yield events grouped by kind; the events of a game keep their order. `names` are the agents' names."""
-        is_first = np.diff(self.games, prepend=-1) != 0
-        run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
-        run -= np.maximum.accumulate(np.where(is_first, run, 0))  # the number, within a game, of the run of one kind
-        keys = run * len(rules.KINDS) + self.kinds
-        for key in np.unique(keys).tolist():
-            some = self.those(keys == key)
-            kind = rules.KINDS[key % len(rules.KINDS)]
-            fields: dict[str, list[Any]] = {"agent": [names[agent] for agent in some.agents.tolist()]}
+    def entries(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield the game and the log entry of each event; `names` are the agents' names."""
+        columns = (self.games, self.turns, self.rules, self.kinds, self.agents, self.others, self.nodes)
+        for game, turn, rule, number, agent, other, node in zip(*map(np.ndarray.tolist, columns), strict=True):
+            kind = rules.KINDS[number]
+            entry = {"turn": turn, "kind": kind, "agent": names[agent]}
             if kind in NAMED:
-                others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
-                fields[NAMED[kind]] = [names[one] if kind == "tag" else self.flags[rule][one] for rule, one in others]
-            fields["node"] = some.nodes.tolist()
-            yield EmittedEvents(kind, some.games, some.turns, fields)
+                entry[NAMED[kind]] = names[other] if kind == "tag" else self.flags[rule][other]
+            entry["node"] = node
+            yield game, entry
 
 
 class EventLog(GameLog[EmittedEvents | CoreEvents]):
@@ -164,8 +159,7 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
 
     def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
-            for emitted in noted.emitted(self._names):
-                yield from self._entries(emitted)
+            yield from noted.entries(self._names)
             return
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):

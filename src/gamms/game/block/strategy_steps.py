@@ -1,6 +1,6 @@
 """Data for decisions of agents along edges in the core: steps of strategies, sensors, memories, tables of paths."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, chain
 from typing import Any
@@ -105,6 +105,16 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
             for column, value in zip(columns.values(), values or (), strict=values is not None):
                 column[0, number_of[name]] = value
     return found
+
+
+def memories_of(state: GameArrays, steps: Sequence[CoreStep]) -> Iterator[tuple[str, str, Any]]:
+    """Yield the name of an agent, a key of its memory, and the value that a step keeps there, in the first game."""
+    ids = state.streets.columns.node_ids
+    for step in {step.key: step for step in steps}.values():
+        columns = [column[0].tolist() for column in state.kept["memory", step.key].values()]
+        for name, first, *rest in zip(state.roster.names, *columns, strict=True):
+            if first >= 0:
+                yield name, step.key, first if step.kind == "follow" else (int(ids[first]), *rest)
 
 
 def can_read(steps: Sequence[CoreStep], memory: Mapping[Any, Any], find: Callable[[int], Any]) -> bool:

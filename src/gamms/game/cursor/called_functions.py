@@ -65,7 +65,7 @@ def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
 
 def is_asked(game: PlayedGame, roster: AgentTable, number: int) -> bool:
     """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
-    settings = game.settings()
+    settings = game.internals.parts.settings.settings_now()
     decider = decider_of(roster.agents[number], settings["plans"])
     return core_form_of(game, roster, number) is None and not decides_in_arrays(decider, settings)
 

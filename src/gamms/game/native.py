@@ -1,0 +1,314 @@
+"""Turns that the core plays as a whole, in games that consist of shipped parts.
+
+A run has to call Python in every turn if a strategy, a rule, a sensor or a listener of the program takes part in it.
+If none does, the core plays the turns, and the turn engine only those that leave something that can be read:
+the last turn of the run, and the last turn of each agent that was eliminated. From them remain the states of agents,
+the data of their sensors, and `ctx.game.moves`.
+"""
+
+from collections.abc import Callable, Iterator
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from gamms.core import rules
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of
+from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules
+from gamms.game.block.initial_state import InitialState, movement_of, movement_type
+from gamms.game.block.state import GameArrays
+from gamms.game.block.strategy_steps import memories_of
+from gamms.game.conflicts import unranked
+from gamms.game.cursor.called_functions import first_called
+from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.settings import NamedRule, as_called
+from gamms.game.slots import COUNTED
+from gamms.game.strategy_specs import strategy_spec_of
+from gamms.ir.agents import show_lives, show_positions, show_progress
+from gamms.ir.game_state import GameState, in_conflict
+from gamms.ir.graph import IntArray
+from gamms.progress import uninterrupted
+
+_GAME = np.zeros(1, np.int64)  # the number of the only game
+_ELIMINATED = rules.KINDS.index("eliminated")
+_MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
+_FIRST_TURNS = 64  # that it plays at once, until their time is known
+FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
+
+
+def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None") -> "GameInCore | None":
+    """Return a game as a game of the core; None: Python takes part in its turns, or they are few.
+
+    Args:
+        game: the game, which has begun.
+        last: the last turn of the run; None: only rules end the game.
+        known: what was returned for the game before; it is kept if it still fits.
+    """
+    if last is not None and last - game.turn < FEWEST_TURNS:
+        return None
+    visual = game.ctx.visual_engine
+    past = getattr(visual, "quiet_turns", None)
+    if past is None or game.ctx.agent.block.is_noting or not _may_be_in_core(game):
+        return None
+    game.internals.parts.turns.note_departed()
+    roster = roster_of(game)
+    key = _key_of(game, roster)
+    if known is not None and known.key == key:
+        known.read()
+        return known
+    return GameInCore(game, roster, key, past.room + 1) if _is_in_core(game, roster) else None
+
+
+def _may_be_in_core(game: PlayedGame) -> bool:
+    """Return False if a quick look shows that Python takes part in the turns of a game."""
+    settings = game.settings()
+    plans = settings["plans"]
+    parts = game.internals.parts
+    strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
+    deciders = [*strategies.values(), *(plan.function for plan in plans.values())]
+    are_called = parts.collectors.by_name or game.internals.after_observing or parts.rules.now.act_before_moves
+    return (
+        all(strategy_spec_of(one).core_steps is not None for one in deciders)
+        and all(one.spec.core_form is not None and not one.spec.is_array_function for one in game.rules)
+        and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
+        and not game.ctx.agent.block.flyers
+        and game.internals.state.parts_played is None
+    )
+
+
+def _is_in_core(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether the core can play whole turns of a game; see `_may_be_in_core`."""
+    settings = game.settings()
+    left_out = roster.unlisted(settings["order"])
+    left_out |= unranked(settings["conflicts"], roster.names, roster.teams_by_agent())
+    return (
+        first_called(game, roster) is None
+        and all(one.spec.core_form is not None for one in called_rules(game, roster))
+        and not issubclass(movement_type(game, roster), MetricMovement)
+        and not left_out.any()
+    )
+
+
+def _key_of(game: PlayedGame, roster: AgentTable) -> tuple[Any, ...]:
+    """Return a key that is equal as long as the columns of a game, and its rules in the core, stay the same."""
+    agents = roster.agents
+    block = game.ctx.agent.block
+    own = {one.spec.key for one in game.rules}
+    facts = [(name, id(value)) for name, value in game.facts.items() if name not in own]
+    return (
+        *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), list(block.speed)),
+        *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
+        *(game.ctx.graph.graph, game.ctx.graph.storage.changes(), tuple(game.settings().values())),
+        game.internals.parts.turns.sensor_changes,
+    )
+
+
+class GameInCore:
+    """A game of shipped parts in the core: its columns, and how they are read from the context and shown in it.
+
+    Args:
+        game: the game; it has begun.
+        roster: its agents.
+        key: what the columns are made for.
+        past_turns: the number of turns after which the nodes of agents are kept.
+
+    Attributes:
+        key: see above.
+    """
+
+    def __init__(self, game: PlayedGame, roster: AgentTable, key: tuple[Any, ...], past_turns: int) -> None:
+        self.key = key
+        self._game = game
+        self._roster = roster
+        movement = movement_of(game, roster)
+        begin = movement.streets.rows(np.array([roster.first_nodes(game)]))
+        state = GameArrays(roster, movement, [game.ctx.seed], begin)
+        settings = game.settings()
+        if settings["team_memory"]:
+            state.share_memories()
+        self._state = state
+        self._columns = CoreColumns([state], np.zeros(1, np.int64))
+        state.facts.update(game.facts)
+        for rule in called_rules(game, roster):
+            if rule.spec.prepare_arrays is not None:
+                rule.spec.prepare_arrays(state)
+        deciders = [decider_of(agent, settings["plans"]) for agent in roster.agents]
+        self._steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
+        self._shown = game.turn  # the last turn that was shown in the context
+        self._read(begin)
+        self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past_turns)
+        block = game.ctx.agent.block
+        number = {name: i for i, name in enumerate(roster.names)}
+        self._by_row = np.array([number[name] for name in block.names], np.int64)  # the number of the agent of each row
+        self._seconds = np.inf  # that the last turns took, each
+
+    def _read(self, begin: IntArray) -> None:
+        """Copy the state of the game to the columns; `begin` are the start nodes of agents, (1, agents)."""
+        game = self._game
+        state = self._state
+        game.internals.parts.turns.update_counts()
+        state.reset(_GAME, [game.ctx.seed], begin)
+        InitialState(game, state, self._columns, _GAME)
+        for key, kept in state.kept.items():
+            for name, values in state.first.get(key, {}).items():
+                kept[name][...] = values
+        self._shown = game.turn
+
+    def read(self) -> None:
+        """Copy the state of the game to the columns, which are older."""
+        self._read(self._state.streets.rows(np.array([self._roster.first_nodes(self._game)])))
+
+    def ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[None]:
+        """Play turns; yield whenever the turn engine has to play the next one, until the game has ended.
+
+        Args:
+            last: the last turn; None: only rules end the game.
+            after_turns: called when the context shows the end of turns that were played here.
+        """
+        state = self._state
+        while True:
+            turn = int(state.turn[0])
+            most = _FIRST_TURNS if self._seconds == np.inf else max(1, int(_MOMENT_S / self._seconds))
+            undo = state.checkpoint(self._core.moves)
+            began = perf_counter()
+            self._play_to(turn + most if last is None else min(turn + most, last - 1))
+            played = int(state.turn[0])
+            self._seconds = (perf_counter() - began) / max(played - turn, 1)
+            left = self._turns_of_engine(turn)
+            if not state.is_going[0] and left[-1:] != [played]:
+                left.append(played)
+            if left:
+                undo()
+            elif played + 1 == last:
+                left.append(last)
+            for number in left:
+                self._play_to(number - 1)
+                self._show(after_turns)
+                yield
+                self._play_to(number)
+                self._shown = number
+            if not left:
+                self._show(after_turns)
+
+    def _play_to(self, turn: int) -> None:
+        """Play until this turn has ended."""
+        if turn <= self._state.turn[0]:
+            return
+        core = self._core
+        columns = self._columns
+        columns.until[:] = turn * core.num_parts
+        core.prepare(None, 1)
+        columns.give()
+        core.play_part(0, 0, 1, None)
+        core.finish()
+        columns.take_in()
+
+    def _turns_of_engine(self, turn: int) -> list[int]:
+        """Return the turns after `turn`, ascending, in which agents took part last that were eliminated in them."""
+        now = int(self._state.turn[0])
+        takes_part = self._columns.takes_part[0]
+        last = {number for agent, number in self._eliminated().items() if number == now or not takes_part[agent]}
+        return sorted(number for number in last if number > turn)
+
+    def _eliminated(self) -> dict[int, int]:
+        """Return agent -> the last turn in which it was eliminated, of the turns played last."""
+        noted = self._columns.noted
+        if noted is None:
+            return {}
+        those = noted.those(noted.kinds == _ELIMINATED)
+        return dict(zip(those.agents.tolist(), those.turns.tolist(), strict=True))
+
+    # -- showing ------------------------------------------------------------------------------------------------------
+
+    def _show(self, after_turns: Callable[[], None]) -> None:
+        """Show the present state in the context."""
+        turn = int(self._state.turn[0])
+        if turn == self._shown:
+            return
+        began = perf_counter()
+        values = self._game.internals.state
+        with uninterrupted():
+            begin = np.array(self._game.ctx.agent.block.node, np.int64)
+            self._show_agents()
+            self._show_values(values)
+            self._show_past(begin, turn)
+            values.turn = turn
+            self._shown = turn
+        values.timings["apply"] += perf_counter() - began
+        after_turns()
+
+    def _show_agents(self) -> None:
+        """Show where the agents are, and which are alive."""
+        state = self._state
+        block = self._game.ctx.agent.block
+        rows = self._by_row
+        ids = state.streets.ids_of
+        show_positions(block, ids(state.node[0, rows]), ids(state.previous[0, rows]))
+        alive = state.alive[0, rows].tobytes()
+        if alive != bytes(block.alive):
+            show_lives(block, alive)
+        block.placed = set(np.flatnonzero(state.placed[0, rows]).tolist())
+        if state.movement.remembers:
+            on_edges = state.movement.on_edges(0, state.node[0])
+            show_progress(block, {row: on_edges[i] for row, i in enumerate(rows.tolist()) if i in on_edges})
+
+    def _show_values(self, values: GameState) -> None:
+        """Show scores, events, errors, counts, reasons of stops, memories, and what rules keep."""
+        state = self._state
+        for team, points in state.scores.of(0).items():
+            known = values.scores.get(team)
+            if known != points or type(known) is not type(points):
+                values.scores[team] = points
+        values.events += state.events.of(0)[len(values.events) :]
+        errors = state.errors[0][len(values.errors) :]
+        values.errors += errors
+        self._show_counts(values)
+        self._show_blocked(values, errors)
+        for name, key, value in memories_of(state, self._steps):
+            values.memory_of(name)[key] = value
+        for rule in as_called(self._game.rules):
+            if rule.spec.show_arrays is not None:
+                rule.spec.show_arrays(self._game.ctx, state, self._later_events(rule))
+
+    def _show_counts(self, values: GameState) -> None:
+        columns = [self._state.counts[kind][0].tolist() for kind in COUNTED]
+        for name, *numbers in zip(self._roster.names, *columns, strict=True):
+            if name in values.counts or any(numbers):
+                values.counts.setdefault(name, {}).update(zip(COUNTED, numbers, strict=True))
+        self._game.internals.parts.turns.restart_counts()
+
+    def _show_blocked(self, values: GameState, errors: list[dict[str, Any]]) -> None:
+        """Show why the last actions of agents were not executed; `errors` are new."""
+        state = self._state
+        blocked = values.blocked
+        last = self._eliminated()
+        last |= dict.fromkeys(np.flatnonzero(self._columns.takes_part[0]).tolist(), int(state.turn[0]))
+        names = self._roster.names
+        for agent in last:
+            blocked.pop(names[agent], None)
+        turn_of = {names[agent]: turn for agent, turn in last.items()}
+        for error in errors:
+            if error["turn"] + 1 == turn_of.get(error["agent"]):
+                blocked.add(error["agent"], error["message"])
+        for agent in np.flatnonzero(state.blocked[0]).tolist():
+            if agent in last:
+                blocked.add(names[agent], in_conflict(self._core.wanted(0, agent)))
+        self._game.internals.parts.turns.show_blocked()
+
+    def _show_past(self, begin: IntArray, turn: int) -> None:
+        """Let the visual engine remember the turns since the last call; `begin` are the nodes where they began."""
+        past = self._core.past
+        first = max(self._shown + 1, turn + 1 - len(past))
+        rows = past[np.arange(first, turn + 1) % len(past)]
+        places = self._state.streets.ids_of(rows[:, self._by_row])
+        is_all = first == self._shown + 1
+        turns = (begin, places) if is_all else (places[0], places[1:])
+        self._game.ctx.visual_engine.quiet_turns.end_turns(*turns, turn, goes_on=is_all)
+
+    def _later_events(self, rule: NamedRule) -> int:
+        """Return the number of events of the last turn from rules that are played after a rule."""
+        noted = self._columns.noted
+        if noted is None:
+            return 0
+        is_late = noted.rules >= self._core.numbers[rule.name]
+        return int(np.count_nonzero(is_late & (noted.turns == self._state.turn[0])))

@@ -1,0 +1,225 @@
+"""Runs whose turns the core plays as a whole, against the same turns played one by one by the turn engine."""
+
+import signal
+from dataclasses import replace
+from math import inf
+
+import pytest
+from batch_scenes import plain
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from random_games import games
+
+import gamms
+from gamms.errors import GammsError
+from gamms.game import native
+from gamms.game.settings import rule_spec_of
+from gamms.rules import Conflicts, capture_flag, respawn, tag, time_limit
+from gamms.strategies import chase, follow_path, random_walk, random_waypoints
+
+LAW = settings(
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow],
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def even_few_turns_are_played_in_the_core():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "FEWEST_TURNS", 2)
+        yield
+
+
+def in_steps(ctx, turns):
+    """Play as `run` does, turn by turn."""
+    last = ctx.game.turn + turns
+    while ctx.game.turn < last and ctx.game.step():
+        pass
+    return outcome(ctx)
+
+
+def in_a_run(ctx, turns):
+    """Play in one call."""
+    ctx.game.run(turns)
+    return outcome(ctx)
+
+
+def outcome(ctx):
+    """The result of a game, but for the reason why its last run has stopped."""
+    values = plain(ctx.game.result())
+    return values if ctx.game.is_over else values | {"reason": "", "truncated": True}
+
+
+def left_behind(ctx):
+    """All that can be read of a game after its turns."""
+    agents = {}
+    for agent in ctx.agent.create_iter():
+        state = {key: value for key, value in agent.state.items() if key not in ("draw", "rng", "fork", "memory")}
+        seen = {name: sensor.data for name, sensor in agent.sensors.items()}
+        place = agent.current_node_id, agent.prev_node_id, agent.alive, agent.orientation, agent.edge, agent.offset_m
+        agents[agent.name] = place, state, seen
+    game = ctx.game
+    trails = [
+        {
+            name: moved.paths.points[moved.paths.offsets[row] : moved.paths.offsets[row + 1]].tolist()
+            for name, row in moved.rows.items()
+        }
+        for moved in ctx.visual.drawing.motion.past(200)
+    ]
+    return (
+        *(agents, dict(game.moves), game.tracks(game.agents), dict(game.data), dict(game.facts), game.events),
+        *({name: dict(memory) for name, memory in game.memories.items()}, game.errors, dict(game.scores), trails),
+        *(dict(game.counts), dict(game.internals.state.blocked), list(map(type, game.scores.values())), game.over),
+    )
+
+
+def check_run(open_game, turns, rest=5):
+    """Check that a run leaves what its turns leave one by one, and goes on in the same way; return the core's game."""
+    with open_game() as played, open_game() as stepped:
+        for _ in range(2):
+            assert in_a_run(played, turns) == in_steps(stepped, turns)
+            assert left_behind(played) == left_behind(stepped)
+            in_steps(played, rest)
+            in_steps(stepped, rest)
+            assert left_behind(played) == left_behind(stepped)
+        was_in_core = played.game._in_core
+        played.game.reset(seed=7)
+        stepped.game.reset(seed=7)
+        assert in_a_run(played, turns) == in_steps(stepped, turns)
+        assert left_behind(played) == left_behind(stepped)
+        return was_in_core
+
+
+@st.composite
+def games_of_shipped_parts(draw, speeds):
+    """A random game in whose turns the core does not call Python."""
+    drawn = draw(games(("one edge",)))
+    strategies = st.sampled_from(["goto", "patrol", "waypoints", "chase", "flee", "skip", "mix"])
+    eyes = st.lists(st.sampled_from([0, 1, 13, 14, 16]), min_size=1, max_size=3, unique=True)
+    return replace(
+        drawn,
+        motion={
+            "strategies": draw(st.lists(strategies, max_size=3)),
+            "speeds": draw(st.lists(st.sampled_from(speeds), min_size=1, max_size=3)),
+        },
+        rules=[rule for rule in drawn.rules if rule_spec_of(rule).core_form is not None],
+        eyes=draw(st.lists(eyes, min_size=1, max_size=3)),
+        early=set(),
+        asked="",
+        called=(),
+        collected=(),
+        deeds=None,
+        channels={},
+        max_turns=None,
+    )
+
+
+@pytest.mark.parametrize("speeds", [[None], [None, 0.4, 1.0, 1.5, 3, inf]], ids=["one edge", "edges"])
+@LAW
+@given(data=st.data(), turns=st.integers(2, 40))
+def test_a_run_leaves_what_its_turns_leave_one_by_one(speeds, data, turns):
+    drawn = data.draw(games_of_shipped_parts(speeds))
+
+    def opened():
+        ctx = drawn.open()
+        ctx.game.reset(seed=turns)
+        return ctx
+
+    try:
+        check_run(opened, turns)
+    except GammsError:
+        with opened() as played, opened() as stepped:
+            with pytest.raises(GammsError) as one:
+                for _ in range(3):
+                    played.game.run(turns)
+            with pytest.raises(GammsError) as other:
+                for _ in range(3):
+                    in_steps(stepped, turns)
+            assert str(one.value) == str(other.value)
+            assert left_behind(played) == left_behind(stepped)
+
+
+def crowd(rules=(), agents=12, **game):
+    def open_game():
+        ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}, game=game)
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        nodes = list(ctx.graph.graph.get_nodes())
+        kinds = (
+            random_walk,
+            follow_path(ctx, nodes[3:20:4], repeat=True),
+            random_waypoints(ctx, pause=2),
+            chase(ctx, random_walk),
+        )
+        for i in range(agents):
+            eyes = ctx.sensor.create_sensor(f"eyes {i}", "agent_range", sensor_range=15.0)
+            near = ctx.sensor.create_sensor(f"near {i}", "neighbor")
+            team = ("red", "blue")[i % 2]
+            where = nodes[i * 7 % 25]
+            strategy = kinds[i // 2 % 4]
+            ctx.agent.create_agent(f"a{i}", start_node_id=where, team=team, sensors=[eyes, near], strategy=strategy)
+        ctx.game.conflicts = Conflicts(1)
+        for rule in rules:
+            ctx.game.add(rule)
+        return ctx
+
+    return open_game
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        [],
+        [tag("red", "blue"), capture_flag({"red": 0, "blue": 24}, score=0.5)],
+        [tag("red", "blue", then="eliminate")],
+        [tag("red", "blue", then="eliminate"), respawn(3), capture_flag({"red": 0, "blue": 24})],
+        [tag("red", "blue", hops=1), time_limit(33)],
+    ],
+)
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_the_core_plays_runs_of_shipped_parts(rules, order):
+    assert check_run(crowd(rules, order=order), 150) is not None
+
+
+def test_a_listener_is_called_after_each_turn():
+    with crowd()() as ctx:
+        turns = []
+        ctx.visual.after_turn.append(lambda: turns.append(ctx.game.turn))
+        ctx.game.run(30)
+        assert turns == [*range(1, 31)]
+
+
+def test_a_run_goes_on_from_what_was_changed_between_two_runs():
+    rules = [tag("red", "blue"), capture_flag({"red": 0, "blue": 24})]
+
+    def change(ctx):
+        ctx.agent.get_agent("a3").current_node_id = 24
+        ctx.agent.get_agent("a4").alive = False
+        ctx.agent.delete_agent("a6")
+        ctx.agent.create_agent("a99", start_node_id=7, team="blue", strategy=random_walk)
+        ctx.game.scores["red"] += 0.5
+        ctx.game.data["flags"]["captures"]["red"] = 40
+        ctx.graph.close_roads([3, 4])
+
+    with crowd(rules)() as played, crowd(rules)() as stepped:
+        for _ in range(2):
+            assert in_a_run(played, 40) == in_steps(stepped, 40)
+            if not played.game.turn > 40:
+                change(played)
+                change(stepped)
+        assert left_behind(played) == left_behind(stepped)
+        assert played.game.scores["red"] % 1 == 0.5
+
+
+def test_a_run_that_is_interrupted_stops_between_two_turns():
+    with crowd(agents=2)() as ctx, crowd(agents=2)() as stepped:
+        before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        with pytest.raises(KeyboardInterrupt):
+            ctx.game.run(10**9)
+        signal.signal(signal.SIGALRM, before)
+        in_steps(stepped, ctx.game.turn)
+        nodes, others = ([agent.current_node_id for agent in one.game.agents] for one in (ctx, stepped))
+        assert nodes == others
