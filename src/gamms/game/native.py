@@ -47,16 +47,16 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
     if last is not None and last - game.turn < FEWEST_TURNS:
         return None
     visual = game.ctx.visual_engine
-    past = getattr(visual, "quiet_turns", None)
+    past = visual.quiet_turns() if hasattr(visual, "quiet_turns") else None
     if past is None or game.ctx.agent.block.is_noting or not _may_be_in_core(game):
         return None
     game.internals.parts.turns.note_departed()
     roster = roster_of(game)
-    key = _key_of(game, roster)
+    key = _key_of(game, roster, past)
     if known is not None and known.key == key:
         known.read()
         return known
-    return GameInCore(game, roster, key, past.room + 1) if _is_in_core(game, roster) else None
+    return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
 
 
 def _may_be_in_core(game: PlayedGame) -> bool:
@@ -89,7 +89,7 @@ def _is_in_core(game: PlayedGame, roster: AgentTable) -> bool:
     )
 
 
-def _key_of(game: PlayedGame, roster: AgentTable) -> tuple[Any, ...]:
+def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
     """Return a key that is equal as long as the columns of a game, and its rules in the core, stay the same."""
     agents = roster.agents
     block = game.ctx.agent.block
@@ -98,7 +98,7 @@ def _key_of(game: PlayedGame, roster: AgentTable) -> tuple[Any, ...]:
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), list(block.speed)),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
-        *(game.ctx.graph.graph, game.ctx.graph.storage.changes(), tuple(game.settings().values())),
+        *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes(), tuple(game.settings().values())),
         game.internals.parts.turns.sensor_changes,
     )
 
@@ -110,14 +110,15 @@ class GameInCore:
         game: the game; it has begun.
         roster: its agents.
         key: what the columns are made for.
-        past_turns: the number of turns after which the nodes of agents are kept.
+        past: the turns that the visual engine remembers. Any: the class is of that package.
 
     Attributes:
         key: see above.
     """
 
-    def __init__(self, game: PlayedGame, roster: AgentTable, key: tuple[Any, ...], past_turns: int) -> None:
+    def __init__(self, game: PlayedGame, roster: AgentTable, key: tuple[Any, ...], past: Any) -> None:
         self.key = key
+        self._past = past
         self._game = game
         self._roster = roster
         movement = movement_of(game, roster)
@@ -136,7 +137,7 @@ class GameInCore:
         self._steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
         self._shown = game.turn  # the last turn that was shown in the context
         self._read(begin)
-        self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past_turns)
+        self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past.room + 1)
         block = game.ctx.agent.block
         number = {name: i for i, name in enumerate(roster.names)}
         self._by_row = np.array([number[name] for name in block.names], np.int64)  # the number of the agent of each row
@@ -303,7 +304,7 @@ class GameInCore:
         places = self._state.streets.ids_of(rows[:, self._by_row])
         is_all = first == self._shown + 1
         turns = (begin, places) if is_all else (places[0], places[1:])
-        self._game.ctx.visual_engine.quiet_turns.end_turns(*turns, turn, goes_on=is_all)
+        self._past.end_turns(*turns, turn, goes_on=is_all)
 
     def _later_events(self, rule: NamedRule) -> int:
         """Return the number of events of the last turn from rules that are played after a rule."""

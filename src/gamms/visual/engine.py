@@ -218,9 +218,9 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
             listener()
         self.pictures.add_turn()
 
-    @property
+    @refused_while_deciding
     def quiet_turns(self) -> PastTurns | None:
-        """The turns that trails show; None if more than that happens at the end of a turn."""
+        """Return the turns that trails show; None if more than that happens at the end of a turn."""
         is_quiet = not (self._after_turn or self.artists.drawings.commands or self.pictures.films)
         return self.drawing.turns if is_quiet and type(self).simulate is PictureEngine.simulate else None
 
