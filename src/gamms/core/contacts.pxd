@@ -52,8 +52,9 @@ cdef class NearNodes:
     @cython.locals(places=i64)
     cpdef int take(self, const i64[::1] arcs, const i64[::1] heads, const double[::1] costs) except -1
     cpdef int make_room(self, i64 room) except -1 with gil
-    @cython.locals(place=i64)
     cdef int begin(self) except -1 nogil
+    @cython.locals(place=i64)
+    cpdef int forget(self) except -1 nogil
     @cython.locals(place=i64, at=i64, arc=i64, far=double, number=i64, end=i64)
     cdef Py_ssize_t learn(self, i64 node) except -1 nogil
     cdef Py_ssize_t after(self, i64 node) except -1 nogil

@@ -256,9 +256,14 @@ class NearNodes:
     def begin(self) -> int:
         """Drop all entries if there are many."""
         if self.used > MOST_NEAR:
-            self.used = 0
-            for place in range(len(self.offsets)):
-                self.offsets[place] = -1
+            self.forget()
+        return 0
+
+    def forget(self) -> int:
+        """Drop all entries, after costs have changed in place; a cost of NaN closes an edge."""
+        self.used = 0
+        for place in range(len(self.offsets)):
+            self.offsets[place] = -1
         return 0
 
     def learn(self, node: int) -> int:

@@ -309,7 +309,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             graph.positions([closed[id]["source"], closed[id]["target"]])
         for id in dict.fromkeys(ids):
             graph.add_edge(dict(closed[id]))
-            self._store.road_changes += 1
+            self._store.note_roads((id,))
         self._store.closed = {id: edge for id, edge in closed.items() if id not in ids}
         return list(dict.fromkeys(ids))
 

@@ -183,6 +183,21 @@ class MapStorage(Guarded, IMapStorage):
         store = self._store
         return store.revision, store.road_changes, self._obstacles.revision, self._place_stream is not None
 
+    def changed_roads(self, since: tuple[int, int]) -> dict[int, bool] | None:
+        """Return which edges were closed, opened or removed since a moment, and whether each of them is open now.
+
+        None: the graph has changed in other ways, too, or so often that they are not known.
+
+        Args:
+            since: the first two numbers that `changes` returned at that moment.
+        """
+        store = self._store
+        revision, roads = since
+        if store.revision - revision != store.road_changes - roads:
+            return None
+        ids = store.changed_roads(roads)
+        return None if ids is None else {id: store.edges.index.row(id) >= 0 for id in ids}
+
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the present graph and its routes; both stay the same when this graph changes."""
         from gamms.graph.graph import Graph

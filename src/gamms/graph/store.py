@@ -4,8 +4,8 @@
 """
 
 import dataclasses
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable
+from collections import OrderedDict, deque
+from collections.abc import Callable, Collection, Hashable, Sequence
 from copy import deepcopy
 from math import isfinite
 from typing import Any, TypeVar
@@ -21,6 +21,7 @@ from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given,
 from gamms.ir.scenery import Scenery
 
 _ENTRY_BYTES = 512  # bytes per cache entry in addition to the arrays, estimated
+_MOST_CHANGES = 4096  # of roads, that are remembered
 _GROUND = ("z", "underground")  # node attributes: height of the ground, and number of a tunnel
 
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
@@ -57,7 +58,7 @@ class GraphStore(SharesTables):
         indexes: indexes of both tables.
         neighborhoods: node id -> the node itself, then its neighbors.
         revision: a number that changes with every change of the graph.
-        road_changes: the number of these changes that only closed, opened or removed edges.
+        road_changes: the number of these changes that only closed, opened or removed edges; see `note_roads`.
         crs: the coordinate reference system of x and y.
         attribution: the authors of the data.
         scenery: the base map, which blocks no sight, or its name; None: no base map.
@@ -73,6 +74,7 @@ class GraphStore(SharesTables):
     def __init__(self) -> None:
         self.revision = -1
         self.road_changes = 0
+        self._changed_roads: deque[Sequence[int]] = deque(maxlen=_MOST_CHANGES)  # the edges of the last road changes
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
@@ -171,10 +173,11 @@ class GraphStore(SharesTables):
         """Remove an edge (KeyError)."""
         self.own()
         self._drop_edge(self.edges.find(edge_id))
-        self._note_roads()
+        self.revision += 1
+        self.note_roads((edge_id,))
         self._compact()
 
-    def close_edges(self, ids: Iterable[int]) -> None:
+    def close_edges(self, ids: Collection[int]) -> None:
         """Remove edges, and store them as closed edges."""
         self.own()
         edges = self.edges
@@ -187,12 +190,21 @@ class GraphStore(SharesTables):
             closed[id] = edge_as_given(id, ends, edges.lengths[row], line, edges.attributes_of(row))
             self._drop_edge(row)
         self.closed = closed
-        self._note_roads()
+        self.revision += 1
+        self.note_roads([*ids])
         self._compact()
 
-    def _note_roads(self) -> None:
-        self.revision += 1
+    def note_roads(self, ids: Sequence[int]) -> None:
+        """Record that the last change of the graph has only closed, opened or removed these edges."""
         self.road_changes += 1
+        self._changed_roads.append(ids)
+
+    def changed_roads(self, since: int) -> list[int] | None:
+        """Return the ids of edges that were closed, opened or removed since a number of road changes; None: unknown."""
+        count = self.road_changes - since
+        if not 0 <= count <= len(self._changed_roads):
+            return None
+        return [id for place in range(-count, 0) for id in self._changed_roads[place]]
 
     def close(self) -> None:
         """Release all data; later calls on the graph raise ContextTerminated."""

@@ -27,7 +27,6 @@ from gamms.game.block.in_core import (
     Near,
     RuleBuilder,
     motion_intervals,
-    reach_of,
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.conflicts import node_numbers
@@ -439,7 +438,6 @@ class TurnContacts:
         most, columns: capacity and columns of tracks, for `core.Tracks`: nodes, times and lengths.
         steps: the paths in these columns.
         most_legs, legs: capacity and columns of legs, for `core.Tracks`.
-        edges: edges that the agents move along.
         seed: the present seed; see `draw_by`.
         purpose: purpose key of the draws.
     """
@@ -450,7 +448,6 @@ class TurnContacts:
         self.roster = roster
         self.are_steps = are_steps
         self.by_metres: bool = not are_steps and game.by_metres
-        self.edges = game.edges
         self.purpose = column("Q", [0])
         self.seed: int | None = None
         self._seeds = -1  # how often the seed had changed when draws were last derived from it
@@ -574,7 +571,7 @@ class TurnContacts:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
         track = self.track(agent)
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
-        return self.edges.xy_at(track if nearness.passing else at_end(track), time, node, at)
+        return self.game.edges.xy_at(track if nearness.passing else at_end(track), time, node, at)
 
     def near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
         """Return the positions of agents on a side, in a game that counts edges."""
@@ -656,10 +653,13 @@ class GameContacts:
         graph = self.edges.graph
         self.graph = graph
         self.revision = graph.revision
+        self._changes = _road_changes(ctx)
         self.place = cache(self._place)
         self.lines = core.Polylines()
         self._known_lines = LineColumns.of(())
         self._places: FloatArray = np.zeros((0, 2))  # see `places`
+        self._ctx = ctx
+        self._costs: dict[str, RoadCosts] = {}  # by unit
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
@@ -703,13 +703,27 @@ class GameContacts:
         except UnknownName:
             return Line([(nan, nan)], [])
 
-    def _near(self, unit: str, limit: float, _: int) -> core.NearNodes:
-        """Return a search for nodes within a distance, for the present number of nodes."""
-        columns = self._columns
-        numbers = self._numbers
-        costs = np.ones(len(columns.lengths)) if unit == "hops" else columns.lengths
-        ends = numbers[columns.sources], numbers[columns.targets]
-        return reach_of(kernels.make_arcs(*ends, costs, self.numbers.count), limit)
+    def _near(self, unit: str, limit: float, count: int) -> core.NearNodes:
+        """Return a search for nodes within a distance, for this number of nodes."""
+        costs = self._costs.get(unit)
+        if costs is None or len(costs.arcs) != count + 1:
+            costs = RoadCosts.of(self._ctx, self.numbers, count, is_plain=unit == "hops")
+            self._costs[unit] = costs
+        return costs.search(limit)
+
+    def follow_roads(self) -> bool:
+        """Take the roads that were closed, opened or removed since the last call; return False if more has changed."""
+        changed = self._ctx.graph.storage.changed_roads(self._changes)
+        if changed is None:
+            return False
+        for costs in self._costs.values():
+            if not costs.put(changed):
+                return False
+        self._changes = _road_changes(self._ctx)
+        self.revision = self.graph.revision
+        self.edges = TraveledEdges(self._ctx)
+        self.forget()
+        return True
 
     def number_all(self) -> int:
         """Number all nodes of the map; return how many numbers there are."""
@@ -765,6 +779,73 @@ class GameContacts:
         return self._turn
 
 
+def _road_changes(ctx: Context) -> tuple[int, int]:
+    """Return the numbers of changes of the map, and of its roads only."""
+    revision, roads, *_ = ctx.graph.storage.changes()
+    return revision, roads
+
+
+class RoadCosts:
+    """The costs of all roads, open or closed, for searches of nodes within a distance; those of closed roads are NaN.
+
+    Args:
+        ids: (roads,) the ids of the roads.
+        ends: (2, roads) the numbers of the nodes where they begin and end.
+        costs: (roads,) their costs when they are open.
+        is_open: (roads,) whether they are.
+        count: the number of nodes.
+
+    Attributes:
+        arcs, heads, costs: as in `core.NearNodes`; costs change in place.
+    """
+
+    def __init__(self, ids: IntArray, ends: IntArray, costs: FloatArray, is_open: BoolArray, count: int) -> None:
+        starts, heads = ends
+        self.arcs, order = kernels.group_rows(starts, count)
+        self.heads = np.ascontiguousarray(heads[order])
+        self._open_costs = costs[order]
+        self.costs = np.where(is_open[order], self._open_costs, nan)
+        self._place_of = dict(zip(ids[order].tolist(), range(len(order)), strict=True))
+        self._searches: dict[float, core.NearNodes] = {}
+
+    @classmethod
+    def of(cls, ctx: Context, numbers: core.NodeNumbers, count: int, *, is_plain: bool) -> "RoadCosts":
+        """Return the costs of the roads of a context: their lengths, or 1 if `is_plain`."""
+        columns = ctx.graph.graph.columns()
+        _, closed = ctx.graph.storage.roads()
+        number = np.empty(len(columns.node_ids), np.int64)
+        numbers.write(columns.node_ids.data, number.data)
+        known = set(columns.edge_ids.tolist() if closed else ())
+        more = [edge for id, edge in closed.items() if id not in known]
+        of_closed = [[numbers.number(edge[end]) for edge in more] for end in ("source", "target")]
+        ends = np.concatenate((number[[columns.sources, columns.targets]], np.array(of_closed, np.int64)), axis=1)
+        ids = np.append(columns.edge_ids, [edge["id"] for edge in more]).astype(np.int64)
+        lengths = np.append(columns.lengths, [edge["length"] for edge in more])
+        is_open = np.arange(len(ids)) < len(columns.edge_ids)
+        return cls(ids, ends, np.ones(len(ids)) if is_plain else lengths, is_open, count)
+
+    def search(self, limit: float) -> core.NearNodes:
+        """Return a search for nodes up to this distance."""
+        found = self._searches.get(limit)
+        if found is None:
+            costs: Any = self.costs.data  # of floats, which NumPy's types do not say
+            memory = ReachableNodes(len(self.arcs) - 1).core
+            found = core.NearNodes(self.arcs.data, self.heads.data, costs, limit, memory)
+            self._searches[limit] = found
+        return found
+
+    def put(self, are_open: Mapping[int, bool]) -> bool:
+        """Close and open roads; return False if one of them is unknown."""
+        if not self._place_of.keys() >= are_open.keys():
+            return False
+        for id, is_open in are_open.items():
+            place = self._place_of[id]
+            self.costs[place] = self._open_costs[place] if is_open else nan
+        for search in self._searches.values():
+            search.forget()
+        return True
+
+
 def turn_of(ctx: Context) -> TurnContacts:
     """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
     return _game_of(ctx).turn(ctx)
@@ -789,8 +870,11 @@ def _game_of(ctx: Context) -> GameContacts:
     graph = ctx.graph.graph
     known: GameContacts | None = internals.kept.get("contacts")
     by_metres = ctx.game.speed_unit != "edges"
-    is_of_map = known is not None and known.graph is graph and known.revision == graph.revision
-    if known is None or not is_of_map or known.by_metres != by_metres:
+    if known is None or known.graph is not graph or known.by_metres != by_metres:
+        is_of_map = False
+    else:
+        is_of_map = known.revision == graph.revision or known.follow_roads()
+    if known is None or not is_of_map:
         numbers = node_numbers(graph.columns()) if known is None else known.numbers
         known = GameContacts(ctx, numbers)
         internals.kept["contacts"] = known
