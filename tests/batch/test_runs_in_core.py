@@ -1,6 +1,7 @@
 """Runs whose turns the core plays as a whole, against the same turns played one by one by the turn engine."""
 
 import signal
+import threading
 from dataclasses import replace
 from math import inf
 
@@ -94,7 +95,7 @@ def check_run(open_game, turns, rest=5):
 
 
 @st.composite
-def games_of_shipped_parts(draw, speeds):
+def games_of_shipped_parts(draw, speeds, **motion):
     """A random game in whose turns the core does not call Python."""
     drawn = draw(games(("one edge",)))
     strategies = st.sampled_from(["goto", "patrol", "waypoints", "chase", "flee", "skip", "mix"])
@@ -102,6 +103,7 @@ def games_of_shipped_parts(draw, speeds):
     return replace(
         drawn,
         motion={
+            **motion,
             "strategies": draw(st.lists(strategies, max_size=3)),
             "speeds": draw(st.lists(st.sampled_from(speeds), min_size=1, max_size=3)),
         },
@@ -117,11 +119,19 @@ def games_of_shipped_parts(draw, speeds):
     )
 
 
-@pytest.mark.parametrize("speeds", [[None], [None, 0.4, 1.0, 1.5, 3, inf]], ids=["one edge", "edges"])
+MOTIONS = {
+    "one edge": {"speeds": [None]},
+    "edges": {"speeds": [None, 0.4, 1.0, 1.5, 3, inf]},
+    "metres": {"speeds": [None, 1e-9, 0.3, 1.0, 1.9, 40.0, inf], "speed_unit": "metres"},
+    "arrivals": {"speeds": [None, 0.3, 1.0, 3], "speed_unit": "metres_per_second", "decide": "arrival"},
+}
+
+
+@pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS)
 @LAW
 @given(data=st.data(), turns=st.integers(2, 40))
-def test_a_run_leaves_what_its_turns_leave_one_by_one(speeds, data, turns):
-    drawn = data.draw(games_of_shipped_parts(speeds))
+def test_a_run_leaves_what_its_turns_leave_one_by_one(motion, data, turns):
+    drawn = data.draw(games_of_shipped_parts(**motion))
 
     def opened():
         ctx = drawn.open()
@@ -214,12 +224,19 @@ def test_a_run_goes_on_from_what_was_changed_between_two_runs():
 
 
 def test_a_run_that_is_interrupted_stops_between_two_turns():
+    def press():
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
     with crowd(agents=2)() as ctx, crowd(agents=2)() as stepped:
-        before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-        signal.setitimer(signal.ITIMER_REAL, 0.02)
-        with pytest.raises(KeyboardInterrupt):
-            ctx.game.run(10**9)
-        signal.signal(signal.SIGALRM, before)
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        timer = threading.Timer(0.05, press)
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                timer.start()
+                ctx.game.run(10**9)
+        finally:
+            timer.join()
+            signal.signal(signal.SIGINT, before)
         in_steps(stepped, ctx.game.turn)
         nodes, others = ([agent.current_node_id for agent in one.game.agents] for one in (ctx, stepped))
         assert nodes == others

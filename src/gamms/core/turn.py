@@ -40,6 +40,45 @@ PHASES = (DECIDE, SETTLE, MOVE)
 """What `play_phases` plays, besides the phases of `arrivals`."""
 
 
+class PastPlaces:
+    """Where the agents of a single game were after its last turns; those of turn t are in row t modulo `turns`.
+
+    Attributes:
+        turns: the number of turns that are kept; 0: none.
+        node: (turns * agents,) the nodes.
+        edge, share, motion: the same for positions on edges, see `rules.GameColumns` and `ir.progress.Motion`; empty in
+            games without positions between nodes.
+        motions: (agents,) the present motions.
+    """
+
+    def __init__(
+        self,
+        turns: int,
+        node: memoryview[int],
+        edge: memoryview[int],
+        share: memoryview[float],
+        motion: memoryview[int],
+        motions: memoryview[int],
+    ) -> None:
+        self.turns = turns
+        self.node = node
+        self.edge = edge
+        self.share = share
+        self.motion = motion
+        self.motions = motions
+
+    def note(self, games: rules.GameColumns) -> int:
+        """Keep the places of agents after a turn."""
+        first = games.turn[0] % self.turns * games.agents
+        for i in range(games.agents):
+            self.node[first + i] = games.node[i]
+        for i in range(len(self.motions)):
+            self.edge[first + i] = games.edge[i]
+            self.share[first + i] = games.share[i]
+            self.motion[first + i] = self.motions[i]
+        return 0
+
+
 class Player:
     """The data with which one thread plays games.
 
@@ -50,8 +89,7 @@ class Player:
         first: the first rule, if `has_rules`.
         until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
         stop: (1,) not 0: all games stop at once, each between two turns, or before the next game of a phase.
-        past: (turns * agents,) in a single game, the nodes of its agents after its last turns, in row t modulo `turns`
-            those of turn t. Empty: they are not kept.
+        past: keeps the places of agents after turns of a single game.
     """
 
     def __init__(
@@ -62,7 +100,7 @@ class Player:
         first: rules.Rule | None,
         until: memoryview[int],
         stop: memoryview[int],
-        past: memoryview[int],
+        past: PastPlaces,
     ) -> None:
         self.stop = stop
         self.past = past
@@ -118,17 +156,8 @@ def play(p: Player, begin: int, end: int) -> int:
                 return 0
             decide(p, game)
             move(p, game)
-            if len(p.past) > 0 and p.movers.part[game] == 0:
-                note_places(p)
-    return 0
-
-
-def note_places(p: Player) -> int:
-    """Keep the nodes of the agents of a single game after a turn."""
-    agents = p.games.agents
-    first = p.games.turn[0] * agents % len(p.past)
-    for i in range(agents):
-        p.past[first + i] = p.games.node[i]
+            if p.past.turns > 0 and p.movers.part[game] == 0:
+                p.past.note(p.games)
     return 0
 
 

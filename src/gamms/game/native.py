@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from gamms.core import rules
+from gamms.errors import BadValue, UnknownName
 from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules
-from gamms.game.block.initial_state import InitialState, movement_of, movement_type
+from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import memories_of
 from gamms.game.conflicts import unranked
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.movement.by_metres import MetricMovement
-from gamms.game.settings import NamedRule, as_called
+from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
@@ -34,6 +35,7 @@ _ELIMINATED = rules.KINDS.index("eliminated")
 _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
+_NODES_A_TURN = 100  # to read so many nodes of the map, once, takes as long as it takes for a turn
 
 
 def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None") -> "GameInCore | None":
@@ -44,19 +46,24 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
         last: the last turn of the run; None: only rules end the game.
         known: what was returned for the game before; it is kept if it still fits.
     """
-    if last is not None and last - game.turn < FEWEST_TURNS:
+    nodes = 0 if known is not None else len(game.ctx.graph.graph)
+    if last is not None and last - game.turn < FEWEST_TURNS + nodes // _NODES_A_TURN:
         return None
     visual = game.ctx.visual_engine
     past = visual.quiet_turns() if hasattr(visual, "quiet_turns") else None
     if past is None or game.ctx.agent.block.is_noting or not _may_be_in_core(game):
         return None
+    refuse_unused(game.internals.parts.settings)
     game.internals.parts.turns.note_departed()
     roster = roster_of(game)
     key = _key_of(game, roster, past)
-    if known is not None and known.key == key:
-        known.read()
-        return known
-    return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
+    try:
+        if known is not None and known.key == key:
+            known.read()
+            return known
+        return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
+    except (BadValue, UnknownName):  # an agent began, or was before, on a node that has been removed
+        return None
 
 
 def _may_be_in_core(game: PlayedGame) -> bool:
@@ -84,7 +91,6 @@ def _is_in_core(game: PlayedGame, roster: AgentTable) -> bool:
     return (
         first_called(game, roster) is None
         and all(one.spec.core_form is not None for one in called_rules(game, roster))
-        and not issubclass(movement_type(game, roster), MetricMovement)
         and not left_out.any()
     )
 
@@ -128,6 +134,7 @@ class GameInCore:
         if settings["team_memory"]:
             state.share_memories()
         self._state = state
+        self._on_edges = movement.progress if isinstance(movement, MetricMovement) else None
         self._columns = CoreColumns([state], np.zeros(1, np.int64))
         state.facts.update(game.facts)
         for rule in called_rules(game, roster):
@@ -299,12 +306,17 @@ class GameInCore:
     def _show_past(self, begin: IntArray, turn: int) -> None:
         """Let the visual engine remember the turns since the last call; `begin` are the nodes where they began."""
         past = self._core.past
-        first = max(self._shown + 1, turn + 1 - len(past))
-        rows = past[np.arange(first, turn + 1) % len(past)]
-        places = self._state.streets.ids_of(rows[:, self._by_row])
+        turns = len(past.node)
+        first = max(self._shown + 1, turn + 1 - turns)
+        rows = np.arange(first, turn + 1) % turns
+        places: list[list[Any]] = self._state.streets.ids_of(past.node[rows][:, self._by_row]).tolist()
+        if self._on_edges is not None:
+            row_of = np.argsort(self._by_row).tolist()
+            for row, of_turn in zip(rows.tolist(), places, strict=True):
+                for agent, place in self._on_edges(past.edge[row], past.share[row], past.motion[row]).items():
+                    of_turn[row_of[agent]] = place
         is_all = first == self._shown + 1
-        turns = (begin, places) if is_all else (places[0], places[1:])
-        self._past.end_turns(*turns, turn, goes_on=is_all)
+        self._past.end_turns(begin.tolist() if is_all else places.pop(0), places, turn, goes_on=is_all)
 
     def _later_events(self, rule: NamedRule) -> int:
         """Return the number of events of the last turn from rules that are played after a rule."""

@@ -21,6 +21,7 @@ from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
+from gamms.limits import GarbagePause
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
@@ -116,7 +117,8 @@ class TurnEngine:
         is_public = not (state.agent_facts or state.team_facts)
         key = block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version
         if self._order is None or self._order_key != key:
-            self._order = self._new_order(block, key)
+            with GarbagePause():  # NOTE: slots stay; to look for garbage among them takes half of the time (w9 alone)
+                self._order = self._new_order(block, key)
             self._order_key = key
             self._near = self._ctx.graph.graph.neighborhoods
         return self._order

@@ -142,12 +142,12 @@ class PastTurns:
         """The number of turns of the present agents that are remembered."""
         return min(max(_MOST_PLACES // max(len(self._ctx.agent.positions.names), 1), 1), MOST_TURNS)
 
-    def end_turns(self, begin: IntArray, places: IntArray, last: int, *, goes_on: bool) -> None:
+    def end_turns(self, begin: list[Any], places: Sequence[list[Any]], last: int, *, goes_on: bool) -> None:
         """Store the ends of several turns of the present agents.
 
         Args:
-            begin: (agents,) the node ids when the first of these turns began.
-            places: (turns, agents) the node ids at the end of each turn.
+            begin: (agents,) the nodes or points where they were when the first of these turns began.
+            places: for each turn the same at its end.
             last: the number of the last of these turns.
             goes_on: whether the first of them follows the latest turn that is stored, if there is one.
         """
@@ -155,11 +155,11 @@ class PastTurns:
         number = last - len(places)
         if self.latest is not None and number + 1 < self.latest[2]:  # the game was reset
             self.forget()
-        before = self.latest[:2] if self.latest is not None and goes_on else (names, begin.tolist())
+        before = self.latest[:2] if self.latest is not None and goes_on else (names, begin)
         if names is not self._names:
             self._names = names
             self.entries = deque(self.entries, self.room)
-        for end in places.tolist():
+        for end in places:
             number += 1
             self.latest = names, end, number, *before
             self.entries.append(self.latest)

@@ -611,6 +611,35 @@ def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
     return declared(call, replace(rule_spec_of(rule), core_form=None))
 
 
+class PastPlaces(NamedTuple):
+    """The places of the agents of a single game after its last turns, (turns, agents) each.
+
+    Attributes:
+        node: the rows of nodes.
+        edge, share, motion: the positions on edges, as in `MetricMovement`; (0, agents) where agents are on nodes only.
+    """
+
+    node: IntArray
+    edge: IntArray
+    share: FloatArray
+    motion: IntArray
+
+    @classmethod
+    def of(cls, turns: int, state: GameArrays) -> "PastPlaces":
+        """Return room for a number of turns."""
+        shape = turns, len(state.roster.names)
+        on_edges = shape if isinstance(state.movement, MetricMovement) else (0, shape[1])
+        node = np.zeros(shape, np.int64)
+        return cls(node, np.full(on_edges, -1), np.zeros(on_edges), np.zeros(on_edges, np.int64))
+
+    def in_core(self, state: GameArrays) -> turn.PastPlaces:
+        """Return the same for the core."""
+        by = state.movement
+        motions = memory_of(by.motion) if isinstance(by, MetricMovement) and len(self.edge) else ints(0)
+        columns = [*map(memory_of, self), motions]
+        return turn.PastPlaces(len(self.node), *columns)
+
+
 class CoreGames:
     """The games of a batch on one map, in the core.
 
@@ -619,11 +648,11 @@ class CoreGames:
         state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
         is_apart: whether rules run after all games have moved, because functions are called between them.
-        past_turns: in a single game, the number of turns after which the nodes of agents are kept; see `past`.
+        past_turns: in a single game, the number of turns after which the places of agents are kept; see `past`.
 
     Attributes:
         numbers: rule of the core -> the least number of later rules in events.
-        past: (past_turns, agents) the nodes of the agents after turn t, in row t modulo `past_turns`.
+        past: the places of the agents after turn t, in row t modulo `past_turns`.
         has_functions: whether functions are called between its phases.
         part_of: (agents,) the part of the turn in which each agent decides and moves, in the order of play.
         num_parts: the number of parts of a turn.
@@ -637,7 +666,7 @@ class CoreGames:
     ) -> None:
         settings = game.settings()
         self.numbers: dict[str, int] = {}
-        self.past = np.zeros((past_turns, len(state.roster.names)), np.int64)
+        self.past = PastPlaces.of(past_turns, state)
         self._state = state
         self._block = block
         called = called_rules(game, state.roster)
@@ -996,7 +1025,7 @@ class CoreGames:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
         flags = self._until.data, state.stop.data
-        return turn.Player(games, movers, at_arrivals, first, *flags, memory_of(self.past)), making
+        return turn.Player(games, movers, at_arrivals, first, *flags, self.past.in_core(state)), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""

@@ -38,6 +38,7 @@ _NO_FLOATS: Any = np.zeros(0).data
 _NO_BYTES: Any = np.zeros(0, np.uint8).data
 _ENDLESS: Any = np.full(1, np.iinfo(np.int64).max).data  # turns
 _GOING: Any = np.zeros(1, np.int64).data  # a turn of one game is not interrupted in the core
+_NO_PAST = turn.PastPlaces(0, _NO_INTS, _NO_INTS, _NO_FLOATS, _NO_INTS, _NO_INTS)
 _MORE_LEGS = 2  # of a path to the next node
 
 
@@ -133,7 +134,7 @@ class ArrivingAgents:
         )
         games = rules.GameColumns(agents, 0, **{name: columns[name] for name in _OF_GAME})
         at_arrivals = self._arrivals.thread(self._movers, has_end=has_end, chosen=self.chosen.core)
-        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, _NO_INTS)
+        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, _NO_PAST)
         columns["part_of"][:] = array(INT64, [1]) * agents
         columns["edge"][:] = array(INT64, [-1]) * agents
         for i in members:
