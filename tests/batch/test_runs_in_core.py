@@ -229,7 +229,7 @@ def test_a_run_that_is_interrupted_stops_between_two_turns():
 
     with crowd(agents=2)() as ctx, crowd(agents=2)() as stepped:
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
-        timer = threading.Timer(0.05, press)
+        timer = threading.Timer(0.02, press)
         try:
             with pytest.raises(KeyboardInterrupt):
                 timer.start()

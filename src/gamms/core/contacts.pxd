@@ -84,8 +84,13 @@ cdef class NodeNumbers:
     cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
 
 
+@cython.locals(place=Py_ssize_t)
+cpdef int put_paths(
+    TurnPaths trips, const i64[::1] rows, RoadEdges roads, const i64[::1] edge_ids, NodeNumbers numbers,
+    NodeNumbers streets, Tracks tracks, Legs legs, const i64[::1] agents,
+) except -1 nogil
 @cython.locals(number=i64, at=i64, place=i64)
-cpdef int put_path(
+cdef int put_path(
     TurnPaths trips, i64 row, RoadEdges roads, const i64[::1] edge_ids, NodeNumbers numbers, NodeNumbers streets,
     Tracks tracks, Legs legs, i64 agent,
 ) except -1 nogil

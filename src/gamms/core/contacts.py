@@ -153,6 +153,23 @@ def describe_leg(legs: Legs, place: int, roads: RoadEdges, edge_ids: memoryview[
     return 0
 
 
+def put_paths(
+    trips: TurnPaths,
+    rows: memoryview[int],
+    roads: RoadEdges,
+    edge_ids: memoryview[int],
+    numbers: NodeNumbers,
+    streets: NodeNumbers,
+    tracks: Tracks,
+    legs: Legs,
+    agents: memoryview[int],
+) -> int:
+    """Write the paths in these rows, (paths,), of agents of a single game with these numbers; see `put_path`."""
+    for place in range(len(rows)):
+        put_path(trips, rows[place], roads, edge_ids, numbers, streets, tracks, legs, agents[place])
+    return 0
+
+
 def put_path(
     trips: TurnPaths,
     row: int,

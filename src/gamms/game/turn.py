@@ -661,6 +661,8 @@ class TurnEngine:
         if block.placed:
             rows = order.selection.rows
             block.placed.difference_update([rows[i] for i in part.members])
+        if turn.paths is not None and not (block.placed or order.has_parts):
+            turn.applied = block.version
 
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""

@@ -31,7 +31,7 @@ from gamms.game.block.in_core import (
 from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.travel import ReachableNodes, RoadIds
+from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
@@ -518,23 +518,37 @@ class TurnContacts:
         number = self.roster.number
         self.roster.take_nodes(ctx.agent.block, self.numbers)
         self._moves = moves
-        self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
+        are_latest = moves is not None and moves.are_latest(ctx.agent.block)
+        if moves is not None and are_latest:
+            self._where = {number[name]: _path_of(moves, i) for i, name in enumerate(moves.order.names)}
+        else:
+            self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
         most_legs, most = (0, 2) if paths is None else paths.most
         most = max([2, most, *[len(where.path) for where in self._where.values() if isinstance(where, Track)]])
         if most > self.most or most_legs > self.most_legs:
             self._make_room(max(most, self.most), max(most_legs, self.most_legs))
         self._counts[:] = _zeros("q", len(self._counts))
-        columns = self._tracks(self.columns[2], at_end=False)
         self.columns[2][:] = column("q", [1] * len(self._counts))
+        by_roads: dict[RoadIds, tuple[list[int], list[int]]] = {}  # slots and agents
         for agent, where in self._where.items():
             if isinstance(where, Track):
                 self._put_track(agent, where)
             elif paths is not None:
-                roads = cast("RoadIds", paths.maps[where])
-                numbers = self.numbers, self.game.streets
-                core.put_path(paths.core, where, roads.map, roads.edges, *numbers, columns, self.legs, agent)
-                if roads.revision != self.game.revision:
-                    self._mark_removed(agent, paths.legs_of(where))
+                slots, agents = by_roads.setdefault(cast("RoadIds", paths.maps[where]), ([], []))
+                slots.append(where)
+                agents.append(agent)
+        for roads, (slots, agents) in by_roads.items():
+            assert paths is not None  # noqa: S101 - their agents have paths
+            self._put_paths(paths, roads, slots, agents)
+
+    def _put_paths(self, paths: GamePaths, roads: RoadIds, slots: list[int], agents: list[int]) -> None:
+        """Write the paths of the agents of slots along these roads."""
+        columns = self._tracks(self.columns[2], at_end=False)
+        to = self.numbers, self.game.streets, columns, self.legs
+        core.put_paths(paths.core, column("q", slots), roads.map, roads.edges, *to, column("q", agents))
+        if roads.revision != self.game.revision:
+            for i, agent in zip(slots, agents, strict=True):
+                self._mark_removed(agent, paths.legs_of(i))
 
     def _put_track(self, agent: int, track: Track) -> None:
         """Write a track along no edges."""
@@ -600,7 +614,12 @@ def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
     i = None if moves is None else moves.slot_of(agent)
     if moves is None or i is None:
         return Track((agent.current_node_id,), (1.0,))
-    return i if moves.paths is not None and moves.paths.num_legs(i) else moves.track(i)
+    return _path_of(moves, i)
+
+
+def _path_of(moves: TurnMoves, i: int) -> Track | int:
+    """Return a slot that has a path by metres; else the track of its agent."""
+    return i if moves.paths is not None and moves.paths.is_on_roads(i) else moves.track(i)
 
 
 def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:

@@ -75,9 +75,10 @@ class TurnMoves:
     Attributes:
         order, starts, ends, actions, paths: see the arguments.
         slots: the slots of the agents.
+        applied: the version of the block when these moves were made, by agents with paths; -1: not known.
     """
 
-    __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "paths", "slots", "starts")
+    __slots__ = ("_by_name", "_moves", "actions", "applied", "ends", "order", "paths", "slots", "starts")
 
     def __init__(
         self,
@@ -95,6 +96,7 @@ class TurnMoves:
         self._moves = moves
         self.paths = paths
         self.slots = order.slots
+        self.applied = -1
         self._by_name: dict[str, Move] | None = None
 
     def in_core(self) -> MoveColumns:
@@ -136,6 +138,11 @@ class TurnMoves:
             if order.structure_version < 0 or not has_same_rows:
                 return False
         return self.paths is None or all(roads is None for roads in self.paths.maps)
+
+    def are_latest(self, block: AgentBlock) -> bool:
+        """Return whether all living agents are where these moves have brought them, along paths."""
+        is_same = self.order.block is block and self.order.structure_version == block.structure.version
+        return is_same and self.applied == block.version
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, for agents on the ground, in the order of names."""

@@ -275,6 +275,10 @@ class GamePaths:
         if self.maps[i] is not None and (self._legs[i] or self._passed[i] > 1):
             core.go_in_part(self.core, i, part, parts)
 
+    def is_on_roads(self, i: int) -> bool:
+        """Return whether an agent has a path by metres."""
+        return self.maps[i] is not None and self.maps[i] is not BY_IDS
+
     def num_legs(self, i: int) -> int:
         """Return the number of legs of an agent."""
         return 0 if self.maps[i] is None else self._legs[i]
