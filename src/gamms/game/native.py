@@ -33,6 +33,7 @@ from gamms.progress import uninterrupted
 _GAME = np.zeros(1, np.int64)  # the number of the only game
 _ELIMINATED = rules.KINDS.index("eliminated")
 _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
+_SHORTEST_S = 1e-6  # that a clock can measure
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
 _NODES_A_TURN = 100  # to read so many nodes of the map, once, takes as long as it takes for a turn
@@ -100,7 +101,7 @@ def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
     agents = roster.agents
     block = game.ctx.agent.block
     own = {one.spec.key for one in game.rules}
-    facts = [(name, id(value)) for name, value in game.facts.items() if name not in own]
+    facts = {name: value for name, value in game.facts.items() if name not in own}
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), list(block.speed)),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
@@ -181,7 +182,7 @@ class GameInCore:
             began = perf_counter()
             self._play_to(turn + most if last is None else min(turn + most, last - 1))
             played = int(state.turn[0])
-            self._seconds = (perf_counter() - began) / max(played - turn, 1)
+            self._seconds = max(perf_counter() - began, _SHORTEST_S) / max(played - turn, 1)
             left = self._turns_of_engine(turn)
             if not state.is_going[0] and left[-1:] != [played]:
                 left.append(played)
