@@ -123,7 +123,6 @@ MOTIONS = {
     "one edge": {"speeds": [None]},
     "edges": {"speeds": [None, 0.4, 1.0, 1.5, 3, inf]},
     "metres": {"speeds": [None, 1e-9, 0.3, 1.0, 1.9, 40.0, inf], "speed_unit": "metres"},
-    "arrivals": {"speeds": [None, 0.3, 1.0, 3], "speed_unit": "metres_per_second", "decide": "arrival"},
 }
 
 
@@ -240,3 +239,38 @@ def test_a_run_that_is_interrupted_stops_between_two_turns():
         in_steps(stepped, ctx.game.turn)
         nodes, others = ([agent.current_node_id for agent in one.game.agents] for one in (ctx, stepped))
         assert nodes == others
+
+
+def test_agents_that_decide_at_arrivals_keep_their_last_decision():
+    def open_game():
+        ctx = crowd(agents=4, speed_unit="metres", decide="arrival")()
+        for agent in ctx.agent.create_iter():
+            agent.strategy, agent.speed = random_walk, 0.3
+        return ctx
+
+    check_run(open_game, 41)
+
+
+@pytest.mark.parametrize("name", ["a0", "a3", "a5"])
+def test_runs_by_metres_go_on_after_an_agent_was_deleted(name):
+    def open_game():
+        ctx = crowd(agents=6, speed_unit="metres")()
+        for agent in ctx.agent.create_iter():
+            agent.strategy, agent.speed = random_walk, 3.7
+        for _ in range(5):
+            ctx.game.step()
+        ctx.agent.delete_agent(name)
+        return ctx
+
+    assert check_run(open_game, 40) is not None
+
+
+def test_trails_after_a_restored_game_are_those_of_its_turns():
+    with crowd()() as played, crowd()() as stepped:
+        for ctx, play in ((played, in_a_run), (stepped, in_steps)):
+            play(ctx, 30)
+            before = ctx.game.snapshot()
+            play(ctx, 30)
+            ctx.game.restore(before)
+            play(ctx, 5)
+        assert left_behind(played) == left_behind(stepped)

@@ -80,6 +80,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
         and all(one.spec.core_form is not None and not one.spec.is_array_function for one in game.rules)
         and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
         and not game.ctx.agent.block.flyers
+        and settings["decide"] == "turn"  # all living agents decide in the last turn
         and game.internals.state.parts_played is None
     )
 
@@ -237,10 +238,11 @@ class GameInCore:
         began = perf_counter()
         values = self._game.internals.state
         with uninterrupted():
-            begin = np.array(self._game.ctx.agent.block.node, np.int64)
+            block = self._game.ctx.agent.block
+            before = np.array([block.node, block.previous], np.int64)
             self._show_agents()
             self._show_values(values)
-            self._show_past(begin, turn)
+            self._show_past(before, turn)
             values.turn = turn
             self._shown = turn
         values.timings["apply"] += perf_counter() - began
@@ -304,20 +306,29 @@ class GameInCore:
                 blocked.add(names[agent], in_conflict(self._core.wanted(0, agent)))
         self._game.internals.parts.turns.show_blocked()
 
-    def _show_past(self, begin: IntArray, turn: int) -> None:
-        """Let the visual engine remember the turns since the last call; `begin` are the nodes where they began."""
+    def _show_past(self, before: IntArray, turn: int) -> None:
+        """Let the visual engine remember the turns since the last call.
+
+        Args:
+            before: (2, agents) the nodes of agents when these turns began, and their previous nodes.
+            turn: the last of these turns.
+        """
         past = self._core.past
         turns = len(past.node)
         first = max(self._shown + 1, turn + 1 - turns)
         rows = np.arange(first, turn + 1) % turns
-        places: list[list[Any]] = self._state.streets.ids_of(past.node[rows][:, self._by_row]).tolist()
+        nodes = self._state.streets.ids_of(past.node[rows][:, self._by_row])
+        places: list[list[Any]] = nodes.tolist()
         if self._on_edges is not None:
-            row_of = np.argsort(self._by_row).tolist()
+            row_of = {number: row for row, number in enumerate(self._by_row.tolist())}
             for row, of_turn in zip(rows.tolist(), places, strict=True):
-                for agent, place in self._on_edges(past.edge[row], past.share[row], past.motion[row]).items():
-                    of_turn[row_of[agent]] = place
+                on_edges = self._on_edges(past.edge[row], past.share[row], past.motion[row])
+                for number in on_edges.keys() & row_of.keys():
+                    of_turn[row_of[number]] = on_edges[number]
         is_all = first == self._shown + 1
-        self._past.end_turns(begin.tolist() if is_all else places.pop(0), places, turn, goes_on=is_all)
+        here, previous = before
+        begin = np.where(nodes[0] == here, previous, here).tolist() if is_all else places.pop(0)
+        self._past.end_turns(begin, places, turn, goes_on=is_all)
 
     def _later_events(self, rule: NamedRule) -> int:
         """Return the number of events of the last turn from rules that are played after a rule."""

@@ -146,8 +146,8 @@ class PastTurns:
         """Store the ends of several turns of the present agents.
 
         Args:
-            begin: (agents,) the nodes or points where they were when the first of these turns began.
-            places: for each turn the same at its end.
+            begin: (agents,) where they were before the first of these turns, or before their last move if they stayed.
+            places: for each turn where they were at its end; see `Positions.places`.
             last: the number of the last of these turns.
             goes_on: whether the first of them follows the latest turn that is stored, if there is one.
         """
