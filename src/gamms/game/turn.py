@@ -661,7 +661,7 @@ class TurnEngine:
         if block.placed:
             rows = order.selection.rows
             block.placed.difference_update([rows[i] for i in part.members])
-        if turn.paths is not None and not (block.placed or order.has_parts):
+        if turn.paths is not None and not (block.placed or order.has_parts or block.flyers):
             turn.applied = block.version
 
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
