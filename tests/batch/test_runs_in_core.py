@@ -3,8 +3,10 @@
 import signal
 import threading
 from dataclasses import replace
+from fractions import Fraction
 from math import inf
 
+import numpy as np
 import pytest
 from batch_scenes import plain
 from hypothesis import HealthCheck, Phase, given, settings
@@ -15,6 +17,7 @@ import gamms
 from gamms.errors import GammsError
 from gamms.game import native
 from gamms.game.settings import rule_spec_of
+from gamms.ir.graph import read_only
 from gamms.rules import Conflicts, capture_flag, respawn, tag, time_limit
 from gamms.strategies import chase, follow_path, random_walk, random_waypoints
 
@@ -71,8 +74,8 @@ def left_behind(ctx):
         for moved in ctx.visual.drawing.motion.past(200)
     ]
     return (
-        *(agents, dict(game.moves), game.tracks(game.agents), dict(game.data), dict(game.facts), game.events),
-        *({name: dict(memory) for name, memory in game.memories.items()}, game.errors, dict(game.scores), trails),
+        *(agents, dict(game.moves), game.tracks(game.agents), repr(game.data), dict(game.facts), game.events),
+        *([(name, dict(memory)) for name, memory in game.memories.items()], game.errors, dict(game.scores), trails),
         *(dict(game.counts), dict(game.internals.state.blocked), list(map(type, game.scores.values())), game.over),
     )
 
@@ -274,3 +277,32 @@ def test_trails_after_a_restored_game_are_those_of_its_turns():
             ctx.game.restore(before)
             play(ctx, 5)
         assert left_behind(played) == left_behind(stepped)
+
+
+@pytest.mark.parametrize("score", [10**30, 2**53 + 1, np.float64(5), np.int64(5), Fraction(1, 3), True])
+def test_scores_that_a_program_sets_between_two_runs_stay_exact(score):
+    with crowd([tag("red", "blue")])() as played, crowd([tag("red", "blue")])() as stepped:
+        for ctx, play in ((played, in_a_run), (stepped, in_steps)):
+            play(ctx, 60)
+            ctx.game.scores["red"] = score
+            play(ctx, 60)
+        assert left_behind(played) == left_behind(stepped)
+        assert played.game.scores["red"] != score
+
+
+def test_sensors_that_are_taken_off_between_two_runs_are_off():
+    with crowd(agents=8)() as played, crowd(agents=8)() as stepped:
+        for ctx, play in ((played, in_a_run), (stepped, in_steps)):
+            play(ctx, 60)
+            for agent in ctx.agent.create_iter():
+                agent.deregister_sensor(f"eyes {agent.name[1:]}")
+            play(ctx, 60)
+        assert left_behind(played) == left_behind(stepped)
+
+
+def test_facts_of_any_kind_are_published_between_two_runs():
+    with crowd()() as ctx:
+        for number in range(2):
+            ctx.game.publish(heat=read_only(np.arange(3) + number))
+            ctx.game.run(60)
+        assert ctx.game.turn == 120

@@ -14,9 +14,10 @@ import numpy as np
 
 from gamms.core import rules
 from gamms.errors import BadValue, UnknownName
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of, sensors_of
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules
 from gamms.game.block.initial_state import InitialState, movement_of
+from gamms.game.block.scores import fits_float
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import memories_of
 from gamms.game.conflicts import unranked
@@ -36,7 +37,8 @@ _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
 _SHORTEST_S = 1e-6  # that a clock can measure
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
-_NODES_A_TURN = 100  # to read so many nodes of the map, once, takes as long as it takes for a turn
+_FIRST_READING = 20  # turns that it takes longer at first
+_NODES_A_TURN = 50  # to read so many nodes of the map, at first, takes as long as the turn engine takes for a turn
 
 
 def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None") -> "GameInCore | None":
@@ -47,8 +49,8 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
         last: the last turn of the run; None: only rules end the game.
         known: what was returned for the game before; it is kept if it still fits.
     """
-    nodes = 0 if known is not None else len(game.ctx.graph.graph)
-    if last is not None and last - game.turn < FEWEST_TURNS + nodes // _NODES_A_TURN:
+    more = 0 if known is not None else _FIRST_READING + len(game.ctx.graph.graph) // _NODES_A_TURN
+    if last is not None and last - game.turn < FEWEST_TURNS + more:
         return None
     visual = game.ctx.visual_engine
     past = visual.quiet_turns() if hasattr(visual, "quiet_turns") else None
@@ -81,6 +83,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
         and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
         and not game.ctx.agent.block.flyers
         and settings["decide"] == "turn"  # all living agents decide in the last turn
+        and all(type(score) in (int, float) and fits_float(score) for score in game.scores.values())
         and game.internals.state.parts_played is None
     )
 
@@ -102,13 +105,28 @@ def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
     agents = roster.agents
     block = game.ctx.agent.block
     own = {one.spec.key for one in game.rules}
-    facts = {name: value for name, value in game.facts.items() if name not in own}
+    facts = {name: _Itself(value) for name, value in game.facts.items() if name not in own}
     return (
         *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), list(block.speed)),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
-        *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes(), tuple(game.settings().values())),
+        *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes()),
+        [_Itself(value) for value in game.settings().values()],
+        [tuple(sensors_of(agent).items()) for agent in agents],
         game.internals.parts.turns.sensor_changes,
     )
+
+
+class _Itself:
+    """A value that equals itself alone, whatever it is."""
+
+    def __init__(self, value: object) -> None:
+        self._value = value
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other one holds the same object."""
+        return isinstance(other, _Itself) and other._value is self._value
+
+    __hash__ = None  # type: ignore[assignment] # nobody needs it
 
 
 class GameInCore:
@@ -143,6 +161,7 @@ class GameInCore:
             if rule.spec.prepare_arrays is not None:
                 rule.spec.prepare_arrays(state)
         deciders = [decider_of(agent, settings["plans"]) for agent in roster.agents]
+        self._decides = np.array([one is not None for one in deciders], np.bool_)
         self._steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
         self._shown = game.turn  # the last turn that was shown in the context
         self._read(begin)
@@ -162,6 +181,8 @@ class GameInCore:
         for key, kept in state.kept.items():
             for name, values in state.first.get(key, {}).items():
                 kept[name][...] = values
+        for number in np.flatnonzero(state.alive[0] & self._decides).tolist():
+            game.internals.state.memory_of(self._roster.names[number])
         self._shown = game.turn
 
     def read(self) -> None:
@@ -270,7 +291,8 @@ class GameInCore:
             known = values.scores.get(team)
             if known != points or type(known) is not type(points):
                 values.scores[team] = points
-        values.events += state.events.of(0)[len(values.events) :]
+        events = state.events.of(0)[len(values.events) :]
+        values.events += events
         errors = state.errors[0][len(values.errors) :]
         values.errors += errors
         self._show_counts(values)
@@ -279,7 +301,7 @@ class GameInCore:
             values.memory_of(name)[key] = value
         for rule in as_called(self._game.rules):
             if rule.spec.show_arrays is not None:
-                rule.spec.show_arrays(self._game.ctx, state, self._later_events(rule))
+                rule.spec.show_arrays(self._game.ctx, state, events, self._later_events(rule))
 
     def _show_counts(self, values: GameState) -> None:
         columns = [self._state.counts[kind][0].tolist() for kind in COUNTED]

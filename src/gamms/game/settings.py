@@ -395,8 +395,8 @@ class RuleSpec:
             in each of these games. None: the fact does not change.
         begin_arrays: called with the context and the state of a batch; returns the arrays that the form of the core
             keeps about the game of the context, which may have begun: key -> name -> array of one game.
-        show_arrays: called with the context, the state of a batch of its game alone, and the number of events of the
-            last turn from later rules; writes what the form of the core keeps about the game into the context.
+        show_arrays: called with the context, the state of a batch of its game alone, the new events, and how many of
+            the last turn are from later rules; writes what the form of the core keeps about the game into the context.
         is_array_function: whether the rule was made from its array form.
     """
 
@@ -424,7 +424,7 @@ class RuleSpec:
     prepare_arrays: Callable[[Any], object] | None = None
     facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
-    show_arrays: Callable[[Any, Any, int], object] | None = None
+    show_arrays: Callable[[Any, Any, list[dict[str, Any]], int], object] | None = None
     is_array_function: bool = False
 
 

@@ -153,15 +153,19 @@ class _FlagRule(FlagArguments):
             self._take(known, first, state.roster.teams, numbers, state.stops[0], fresh)
         return {("capture_flag", self.key): first}
 
-    def show_arrays(self, ctx: Context, state: GameArrays, later: int) -> None:
-        """Write the state of the rule in the core into the context; the last `later` events are of later rules."""
+    def show_arrays(self, ctx: Context, state: GameArrays, events: list[dict[str, Any]], later: int) -> None:
+        """Write the state of the rule in the core into the context; see `RuleSpec.show_arrays`."""
         kept = state.kept["capture_flag", self.key]
         data = self._state(ctx.game.internals.state)
-        names = state.roster.names
+        roster = state.roster
         for team, carrier in zip(self.bases, kept["carriers"][0].tolist(), strict=True):
-            data["carriers"][team] = names[carrier] if carrier >= 0 else None
-        captures = zip(state.roster.teams, kept["captures"][0].tolist(), strict=True)
-        data["captures"] |= {team: number for team, number in captures if number}
+            data["carriers"][team] = roster.names[carrier] if carrier >= 0 else None
+        captures = dict(zip(roster.teams, kept["captures"][0].tolist(), strict=True))
+        team_of = dict(zip(roster.names, roster.teams_by_agent(), strict=True))
+        captured = [team_of[one["agent"]] for one in events if one["kind"] == "capture" and one["flag"] in self.bases]
+        for team in dict.fromkeys((*data["captures"], *captured, *captures)):  # in the order of their first captures
+            if captures.get(team):
+                data["captures"][team] = captures[team]
         data["seen"] = len(ctx.game.events) - later
         self._publish(ctx, data["carriers"])
 

@@ -179,14 +179,15 @@ def respawn(
     def memory(known: Mapping[str, Any], roster: AgentTable) -> Arrays:
         return {"out": roster.column(known.get("out", {}), -1), "times": roster.column(known.get("times", {}), 0)}
 
-    def show(state: dict[str, Any], kept: Arrays, names: Sequence[str]) -> None:
+    def show(state: dict[str, Any], kept: Arrays, names: Sequence[str], returned: Iterable[str] = ()) -> None:
         deleted = {name: turn for name, turn in state["out"].items() if name not in names}
+        times = _by_name(kept["times"], names, 0)
+        state["times"] |= {name: times[name] for name in dict.fromkeys((*returned, *times)) if name in times}
         state["out"] = {**deleted, **_by_name(kept["out"], names, -1)}
-        state["times"] |= _by_name(kept["times"], names, 0)
 
-    def show_arrays(ctx: Context, state: GameArrays, later: int) -> None:  # noqa: ARG001 - it reads no events
+    def show_arrays(ctx: Context, state: GameArrays, events: list[dict[str, Any]], later: int) -> None:  # noqa: ARG001
         known = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
-        show(known, state.kept["respawn", key], state.roster.names)
+        show(known, state.kept["respawn", key], state.roster.names, _returned(events, known["out"]))
 
     def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
@@ -206,6 +207,19 @@ def respawn(
             keeps=at(("respawns", key), record({"out": _COUNTS, "times": _COUNTS})),
         ),
     )
+
+
+def _returned(events: Iterable[Mapping[str, Any]], out: Iterable[str]) -> list[str]:
+    """Return the agents that have returned, in order, given events and who was out before them."""
+    is_out = set(out)
+    found = []
+    for event in events:
+        if event["kind"] == "eliminated":
+            is_out.add(event["agent"])
+        elif event["kind"] == "respawned" and event["agent"] in is_out:
+            is_out.discard(event["agent"])
+            found.append(event["agent"])
+    return found
 
 
 def _by_name(column: IntArray, names: Sequence[str], default: int) -> dict[str, int]:
