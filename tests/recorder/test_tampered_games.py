@@ -10,7 +10,7 @@ from tampering import GAMES, Builder, RecordedGame, fuzz, go_on
 
 import gamms
 from gamms import rules, strategies
-from gamms.errors import BadValue
+from gamms.errors import BadValue, TooLarge
 from gamms.recorder import RecordingError
 
 recorded = cache(RecordedGame)
@@ -120,6 +120,13 @@ def test_rules_and_strategies_that_are_added_later_say_it_too(name, path, value,
     game = recorded(GAMES[name])
     with pytest.raises(BadValue, match=message):
         go_on(game, game.changed(path, value), "fresh")
+
+
+@pytest.mark.parametrize("turn", [1 << 40, 100_001])
+def test_a_belief_refuses_to_follow_more_turns_than_a_game_can_have(turn):
+    game = recorded(GAMES["beliefs"])
+    with pytest.raises(TooLarge, match=f"at most 100,000, and this is turn {turn:,}"):
+        go_on(game, game.changed(("turn",), turn), "built")
 
 
 def walkers(ctx=None):

@@ -30,6 +30,7 @@ from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random
 from gamms.belief.reach import ReachBounds
 from gamms.context import Context
 from gamms.core import belief as core
+from gamms.errors import TooLarge
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IAgent
@@ -42,6 +43,7 @@ from gamms.visual.legend import ColoredValues, ColorScale, LegendRow, LegendRows
 
 _MOST_BYTES = 1 << 27  # approximate size of the cached results for one map
 _MARK = 16  # one in this many turns is cached
+_MOST_TURNS = 100_000  # of a game, each of which takes microseconds and bytes in every call
 _FAINT = 0.01  # share of the highest probability below which nothing is drawn
 # a color, and the sum of the channels of a medium grey
 _CAN_BE = (150, 110, 190)
@@ -137,6 +139,7 @@ class Belief:
         Raises:
             UnknownName (KeyError): the agent does not exist.
             BadType: the agent flies.
+            TooLarge: the game is at a turn beyond 100,000.
         """
         return set(belief_map_of(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
 
@@ -193,6 +196,7 @@ class Belief:
         Raises:
             UnknownName (KeyError): the agent does not exist.
             BadType: the agent flies, or the motion is not a model.
+            TooLarge: the game is at a turn beyond 100,000.
         """
         return by_node(belief_map_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
 
@@ -238,7 +242,15 @@ class Belief:
         """Apply turns and observations to a start state, continuing from the last cached turn.
 
         The cache key of a turn is a digest of everything before it, so that cached results never become invalid.
+
+        Raises:
+            TooLarge: the present turn is beyond the turns that a belief can follow.
         """
+        if self.turn > _MOST_TURNS:
+            raise TooLarge(
+                f"A belief follows all turns of a game, at most {_MOST_TURNS:,}, and this is turn {self.turn:,}. "
+                "Reset the game, or play it without strategies that ask for beliefs."
+            )
         digests = [blake2b(repr(key).encode(), digest_size=16).digest()]
         for turn in range(self.turn + 1):
             seen = self._turns.get(turn)
