@@ -47,7 +47,7 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
     Args:
         game: the game, which has begun.
         last: the last turn of the run; None: only rules end the game.
-        known: what was returned for the game before; it is kept if it still fits.
+        known: the earlier result for this game, which is reused if it still fits; None: there is none.
     """
     more = 0 if known is not None else _FIRST_READING + len(game.ctx.graph.graph) // _NODES_A_TURN
     if last is not None and last - game.turn < FEWEST_TURNS + more:
@@ -117,7 +117,7 @@ def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
 
 
 class _Itself:
-    """A value that equals itself alone, whatever it is."""
+    """A value that is compared by identity."""
 
     def __init__(self, value: object) -> None:
         self._value = value
@@ -126,7 +126,7 @@ class _Itself:
         """Return whether the other one holds the same object."""
         return isinstance(other, _Itself) and other._value is self._value
 
-    __hash__ = None  # type: ignore[assignment] # nobody needs it
+    __hash__ = None  # type: ignore[assignment] # keys are compared, not hashed
 
 
 class GameInCore:
@@ -135,7 +135,7 @@ class GameInCore:
     Args:
         game: the game; it has begun.
         roster: its agents.
-        key: what the columns are made for.
+        key: the result of `_key_of` for the game.
         past: the turns that the visual engine remembers. Any: the class is of that package.
 
     Attributes:
@@ -163,7 +163,6 @@ class GameInCore:
         deciders = [decider_of(agent, settings["plans"]) for agent in roster.agents]
         self._decides = np.array([one is not None for one in deciders], np.bool_)
         self._steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
-        self._shown = game.turn  # the last turn that was shown in the context
         self._read(begin)
         self._core = CoreGames(game, state, self._columns, is_apart=False, past_turns=past.room + 1)
         block = game.ctx.agent.block
@@ -183,7 +182,7 @@ class GameInCore:
                 kept[name][...] = values
         for number in np.flatnonzero(state.alive[0] & self._decides).tolist():
             game.internals.state.memory_of(self._roster.names[number])
-        self._shown = game.turn
+        self._shown = game.turn  # the last turn that the context shows
 
     def read(self) -> None:
         """Copy the state of the game to the columns, which are older."""

@@ -518,8 +518,7 @@ class TurnContacts:
         number = self.roster.number
         self.roster.take_nodes(ctx.agent.block, self.numbers)
         self._moves = moves
-        are_latest = moves is not None and moves.are_latest(ctx.agent.block)
-        if moves is not None and are_latest:
+        if moves is not None and moves.are_latest(ctx.agent.block):
             self._where = {number[name]: _path_of(moves, i) for i, name in enumerate(moves.order.names)}
         else:
             self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
@@ -736,7 +735,7 @@ class GameContacts:
         if changed is None:
             return False
         for costs in self._costs.values():
-            if not costs.put(changed):
+            if not costs.set_open(changed):
                 return False
         self._changes = _road_changes(self._ctx)
         self.revision = self.graph.revision
@@ -853,7 +852,7 @@ class RoadCosts:
             self._searches[limit] = found
         return found
 
-    def put(self, are_open: Mapping[int, bool]) -> bool:
+    def set_open(self, are_open: Mapping[int, bool]) -> bool:
         """Close and open roads; return False if one of them is unknown."""
         if not self._place_of.keys() >= are_open.keys():
             return False

@@ -185,7 +185,7 @@ def respawn(
         state["times"] |= {name: times[name] for name in dict.fromkeys((*returned, *times)) if name in times}
         state["out"] = {**deleted, **_by_name(kept["out"], names, -1)}
 
-    def show_arrays(ctx: Context, state: GameArrays, events: list[dict[str, Any]], later: int) -> None:  # noqa: ARG001
+    def show_arrays(ctx: Context, state: GameArrays, events: list[dict[str, Any]], _: int) -> None:
         known = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
         show(known, state.kept["respawn", key], state.roster.names, _returned(events, known["out"]))
 
