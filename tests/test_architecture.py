@@ -236,6 +236,7 @@ def test_a_context_has_a_type():
     untyped = [
         f"{shown(path)}:{arg.lineno}"
         for path in MODULES
+        if path.parent.name != "core"  # which knows no context
         for arg in nodes_of(path)
         if isinstance(arg, ast.arg) and arg.arg == "ctx" and arg.annotation and ast.unparse(arg.annotation) == "Any"
     ]
@@ -329,3 +330,46 @@ def test_no_package_uses_underscore_names_of_another():
         if ast.unparse(node) not in ALLOWED
     ]
     assert not foreign
+
+
+PLAYS = {
+    "advances the turn": {"core/moves.py end_part", "game/turn.py play"},  # in the core, and of a game alone
+    "calls a strategy": {
+        "agent/agent.py step",  # outside of turns
+        "core/ask.py ask_each",
+        "game/array_functions/given.py __call__",  # of agents that outside actions leave to their strategies
+        "game/decisions.py _put",  # plans, and strategies of agents that the core does not ask
+    },
+    "calls a rule": {
+        "game/settings.py apply",
+        "game/settings.py _player_of",  # makes what `apply` calls
+        "game/cursor/cursor.py call",  # of batches
+    },
+}
+
+
+def test_each_step_of_a_turn_has_one_place():
+    found = {what: set() for what in PLAYS}
+    for path in MODULES:
+        if path.parts[path.parts.index("gamms") + 1] not in ("agent", "core", "game", "rules", "strategies"):
+            continue
+        for function in nodes_of(path):
+            if isinstance(function, ast.FunctionDef):
+                for what in steps_of(function):
+                    found[what].add(f"{shown(path)} {function.name}")
+    assert found == PLAYS
+
+
+def steps_of(function):
+    """Yield which steps of a turn a function plays itself."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.AugAssign) and re.fullmatch(
+            r"(state|games)\.turn(\[game\])?", ast.unparse(node.target)
+        ):
+            yield "advances the turn"
+        elif isinstance(node, ast.Call):
+            called = ast.unparse(node.func)
+            if re.search(r"(^|\.)strategy$|^question\.function$", called) and node.args:
+                yield "calls a strategy"
+            if called == "now.play" or "named.rule" in (called, *(ast.unparse(one) for one in node.args[:1])):
+                yield "calls a rule"

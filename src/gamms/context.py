@@ -322,6 +322,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     def _end(self) -> None:
         self._alive = False
+        self._phase.epoch += 1
 
     def _repr_png_(self) -> bytes | None:
         """Return the current state as PNG for notebooks; None if it cannot be drawn."""

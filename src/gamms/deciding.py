@@ -47,6 +47,8 @@ class DecidePhase(NotPickled):
             set by `decide_in_this_task`; None: no strategy is running. Any: the class depends on the agent engine.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
+        epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
+            strategies and sensors; settings, rules, plans and collectors; sensor settings. See `game.turn.TurnPlan`.
         setting_changes: the number of changes of game settings.
         sensor_changes: the number of changes of sensor settings, and of added and removed sensors.
         owner_changes: the number of changes of sensor owners.
@@ -59,8 +61,8 @@ class DecidePhase(NotPickled):
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "before_reading", "created", "known_names", "moment", "owner_changes", "player"),
-        *("sensor_changes", "setting_changes", "strategy_changes"),
+        *("agent", "agent_kinds", "before_reading", "created", "epoch", "known_names", "moment", "owner_changes"),
+        *("player", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -75,6 +77,7 @@ class DecidePhase(NotPickled):
         self.before_reading: Callable[[], None] | None = None
         self.created: Callable[[Iterable[tuple[str, Any]]], None] | None = None
         self.player: int | None = None
+        self.epoch = 0
         self.setting_changes = 0
         self.sensor_changes = 0
         self.owner_changes = 0
@@ -91,6 +94,21 @@ class DecidePhase(NotPickled):
     def decide_in_this_task(self, agent: object) -> None:
         """Set the agent or `Deciders` for which this asyncio task, and tasks started by it, decide."""
         _of_task.set((self, agent))
+
+    def change_settings(self) -> None:
+        """Count a change of game settings."""
+        self.setting_changes += 1
+        self.epoch += 1
+
+    def change_sensors(self) -> None:
+        """Count a change of sensor settings, or an added or removed sensor."""
+        self.sensor_changes += 1
+        self.epoch += 1
+
+    def change_strategies(self) -> None:
+        """Count a change of the strategies of agents."""
+        self.strategy_changes += 1
+        self.epoch += 1
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""

@@ -264,7 +264,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     @refused_while_deciding
     def decide_by(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
         """Set a strategy that is already checked, or None."""
-        self._phase.strategy_changes += 1
+        self._phase.change_strategies()
         self._block.structure.note((self._row,))
         object.__setattr__(self, "strategy", strategy)
 

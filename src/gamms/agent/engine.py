@@ -303,7 +303,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             known_node(graph, block, node)
         if strategy is not None:
             strategy = strategy_in(self._ctx, strategy)
-            self._phase.strategy_changes += 1
+            self._phase.change_strategies()
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is stored as an attribute.")
         block.has_teams = True
@@ -376,6 +376,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
 
     def _new_block(self) -> None:
         self._block = AgentBlock()
+        self._block.structure.phase = self._phase
+        self._phase.epoch += 1
         self._positions = Positions(self._block)
 
     def _added(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
@@ -524,6 +526,7 @@ class AgentStorage(Guarded):
         engine = self._engine
         engine._is_shared = True
         engine._block = agents.block
+        engine._phase.epoch += 1
         engine._positions = agents.positions
         engine._agents.clear()  # the same dict, which a function may hold
         engine._agents |= agents.by_name

@@ -8,14 +8,20 @@ ctypedef long long i64
 cdef class AgentColumns:
     cdef public object node, previous
     cdef public list progress, teams
-    cdef public set _changed
-    cdef public bint is_closed, is_noting
+    cdef public set _changed, travellers
+    cdef public object under_way
+    cdef public bint is_closed, is_noting, _have_all_changed
+    cdef public i64 version
     cdef object _journal
     cdef i64[::1] _nodes, _origins
 
     cpdef i64 move_rows(self, const i64[::1] rows, const i64[::1] ends) except -1
+    cpdef on_edge(self, Py_ssize_t row)
+    @cython.locals(moved=i64)
+    cpdef int move_all(self, object rows, object ends) except -1
     @cython.locals(log=list, ids=list)
     cdef int _move(self, Py_ssize_t row, i64 node) except -1
+    cpdef int _note(self, Py_ssize_t row) except -1
     cdef i64 _node_of(self, Py_ssize_t row) except? -1
 
 

@@ -7,10 +7,12 @@ module. Subclasses handle the rare cases: agents on edges, actions other than no
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Hashable
 from typing import Any
 
 from gamms.core import block as blocks
+from gamms.core.block import INT64
 
 
 class AgentColumns:
@@ -21,22 +23,29 @@ class AgentColumns:
         progress: (agents,) the position of an agent on an edge; None: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
         journal: records the moves.
+        travellers: the rows of agents whose progress has a motion.
+        under_way: positions of agents within a turn, if agents decide at arrivals.
         is_closed: whether the journal refuses all further changes.
         is_noting: whether the journal records moves.
+        version: a number that rises whenever an agent may have changed.
     """
 
     __slots__ = (
-        *("_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node", "previous", "progress"),
-        "teams",
+        *("_changed", "_have_all_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node"),
+        *("previous", "progress", "teams", "travellers", "under_way", "version"),
     )
 
     node: memoryview[int]
     previous: memoryview[int]
     progress: list[Any]
     teams: list[Any]
+    travellers: set[int]
+    under_way: Any
     is_closed: bool
     is_noting: bool
     _changed: set[int]
+    _have_all_changed: bool
+    version: int
 
     @property
     def journal(self) -> Any:
@@ -73,6 +82,41 @@ class AgentColumns:
         """
         return blocks.move_rows(self._nodes, self._origins, rows, ends)
 
+    def on_edge(self, row: int) -> Any:
+        """Return the position of an agent on an edge; None on a node, or in the air."""
+        if row not in self.travellers:
+            return None
+        place_at = self.under_way.places.get(row)
+        if place_at is not None:
+            return place_at(self.under_way.time)
+        progress = self.progress[row]
+        return progress if progress is not None and progress.source == self._node_of(row) else None
+
+    def move_all(self, rows: Any, ends: Any) -> int:
+        """Move many agents on the ground; an agent that stays keeps its previous node.
+
+        Args:
+            rows: their rows, as a `Selection`.
+            ends: (agents,) the ids of the nodes.
+        """
+        if self.is_closed:
+            return 0
+        nodes = memoryview(array(INT64, ends)) if type(ends) is list else ends
+        before = rows.of(self.node) if self.is_noting else None
+        moved = blocks.move_rows(self._nodes, self._origins, rows.buffer, nodes)
+        self.version += 1
+        if 2 * len(rows.rows) > len(self._nodes):
+            self._have_all_changed = True
+        else:
+            self._changed.update(rows.as_set)
+        if before is not None and moved:
+            self._note_moves(rows, before, nodes, moved)
+        return 0
+
+    def _note_moves(self, rows: Any, before: Any, ends: Any, moved: int) -> None:
+        """Record the moves of the `moved` agents that did not stay."""
+        raise NotImplementedError
+
     def _move(self, row: int, node: int) -> int:
         if row < 0 or row >= len(self._nodes):
             raise IndexError(f"There is no agent in row {row}.")
@@ -84,6 +128,12 @@ class AgentColumns:
             log.append(node)
         self._origins[row] = self._nodes[row]
         self._nodes[row] = node
+        self._note(row)
+        return 0
+
+    def _note(self, row: int) -> int:
+        """Note the change of an agent."""
+        self.version += 1
         self._changed.add(row)
         return 0
 

@@ -1,9 +1,9 @@
 cimport cython
 
 from gamms.core cimport travel
-from gamms.core.agents cimport MoveColumns, MovingAgents
+from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents
 from gamms.core.sight cimport RangeSearch, NodeViews
-from gamms.core.travel cimport GoalPaths, ReachSearch, RoadEdges, TurnPaths
+from gamms.core.travel cimport GoalPaths, PathsBySlot, ReachSearch, RoadEdges, TurnPaths
 
 ctypedef long long i64
 
@@ -39,6 +39,7 @@ cdef class TravelSearch:
     cdef TurnPaths trips
     cdef list ids, xy
     cdef object row_of, edge_row_of, lines
+    cdef public object found_on
 
     @cython.locals(node=i64, edge=i64, share=double, motion=i64, pace=double, count=i64, number=i64, found=list)
     cpdef tuple legal(self, object here, object place, object speed)
@@ -47,6 +48,7 @@ cdef class TravelSearch:
     @cython.locals(node=i64, edge=i64, share=double, motion=i64, pace=double, most=i64)
     cpdef int begin(self, object here, object place, object speed) except -1
     cpdef bint go_towards(self, i64 agent, object here, object place, object speed, object target) except -1
+    cpdef int put(self, PathsBySlot paths, i64 i) except -1
     cpdef object end(self)
 
 
@@ -60,7 +62,7 @@ cpdef bint hold(list lists, object value)
 cdef dict look_around(object known, SensorCall look, object here)
 @cython.locals(sensed=dict, seen=list, look=SensorCall)
 cdef dict sense_all(tuple carried, object phase, object moment, object alike, object here, object legal)
-@cython.locals(sensed=dict, state=dict, one=DecidingAgent, place=Py_ssize_t, i=Py_ssize_t, has_memories=bint, here=object, legal=object, paths=TravelSearch, where=object)
+@cython.locals(sensed=dict, state=dict, one=DecidingAgent, place=Py_ssize_t, i=Py_ssize_t, has_memories=bint, here=object, legal=object, paths=TravelSearch, where=object, columns=AgentColumns)
 cpdef int ask_each(
     object answers, object phase, list individuals, list sensors, list slots, MoveColumns moves, object near, object alike,
     MovingAgents movers, object search

@@ -13,7 +13,7 @@ from gamms.core import travel
 from gamms.core.agents import MoveColumns, MovingAgents
 from gamms.core.form import as_dict
 from gamms.core.sight import RangeSearch
-from gamms.core.travel import GoalPaths, ReachSearch, RoadEdges, TurnPaths
+from gamms.core.travel import GoalPaths, PathsBySlot, ReachSearch, RoadEdges, TurnPaths
 
 
 class StateKey:
@@ -106,6 +106,7 @@ class TravelSearch:
         map, reach: the map, and working memory.
         trips: the last path that was found, in row 0.
         ways: the shortest paths of agents.
+        found_on: the ids of the map on which it was found.
         ids, xy: ids and positions of nodes by row.
         row_of, edge_row_of: id of a node or an edge -> its row.
         lines: row of an edge -> its points, and their distances.
@@ -114,6 +115,7 @@ class TravelSearch:
     def __init__(self) -> None:
         self.now = 0.0
         self.at_arrivals = False
+        self.found_on: Any = None
 
     def take_map(
         self,
@@ -202,6 +204,10 @@ class TravelSearch:
         """
         self.begin(here, place, speed)
         return travel.go_towards(self.map, self.trips, self.ways, agent, 0, self.row_of[target])
+
+    def put(self, paths: PathsBySlot, i: int) -> int:
+        """Add the path to those of a game, as the path of the agent of a slot."""
+        return paths.take(i, self.trips, 0, self.trips.legs[0], self.found_on)
 
     def end(self) -> int:
         """Return the node that the agent passes last."""
@@ -304,7 +310,8 @@ def ask_each(
 
     Args:
         answers: handles uncommon cases by `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory`; `sense`
-            calls the sensors of an agent by metres, `put` takes its path, and `make` makes a state from a template.
+            calls the sensors of an agent by metres, `make_paths` makes room for paths in `paths`, and `make` makes a
+            state from a template.
         phase: its `agent` is set to the agent that decides; its `moment` changes whenever the world may have changed.
         individuals: the agents.
         sensors: the sensors of each agent.
@@ -317,7 +324,7 @@ def ask_each(
     """
     make = answers.make
     shared = answers.state.team_memories
-    columns: Any = movers.columns
+    columns = movers.columns
     turn = answers.state.turn
     moment = phase.moment
     has_memories = bool(shared)
@@ -367,7 +374,9 @@ def ask_each(
         elif not one.travels:
             moves.ends[i] = action
         elif paths.go_towards(movers.rows[i], here, where, one.speed, action):
-            answers.put(i)
+            if answers.paths is None:
+                answers.make_paths()
+            paths.put(answers.paths, i)
             moves.ends[i] = paths.end()
         else:
             answers.take(i, state)

@@ -7,7 +7,7 @@ cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
 
 cdef double INFINITE, SLACK, LEAST, MOST, SHORT, ROUNDED
-cdef i64 ENDLESS, FORWARD, BACK, STOPPED
+cdef i64 MORE_LEGS, ENDLESS, FORWARD, BACK, STOPPED
 
 
 @cython.final
@@ -140,6 +140,16 @@ cpdef double share_at(double begin, double end, double since, double until, doub
 cpdef Py_ssize_t motion_of(double begin, double end) except -1 nogil
 cdef int put_leg(TurnPaths trips, i64 leg, i64 other, double share, double since, double until) except -1 nogil
 cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
+cdef class PathsBySlot:
+    cdef public list maps
+    cdef public TurnPaths core
+    cdef object make_progress, motions
+
+    cpdef int take(self, i64 i, TurnPaths paths, i64 row, i64 room, object roads) except -1
+    @cython.locals(paths=TurnPaths)
+    cpdef progress(self, i64 i)
+
+
 cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(number=i64, place=i64)
 cpdef int add_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other, i64 first) except -1 nogil

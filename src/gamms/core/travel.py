@@ -8,7 +8,9 @@ length.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import fabs
+from typing import Any
 
 INFINITE = float("inf")
 SLACK = 1e-9  # of a turn: a path that takes exactly a turn must not fail by rounding
@@ -16,6 +18,7 @@ LEAST = 5e-324  # shares of an edge: bounds for agents under way, against roundi
 MOST = 1.0 - 2.0**-53
 SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
+MORE_LEGS = 3  # legs that a path may have in addition to its nodes
 ENDLESS = 1 << 32  # edges: more than any path has
 FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
@@ -917,6 +920,54 @@ def copy_leg(trips: TurnPaths, leg: int, others: TurnPaths, other: int) -> int:
     others.since[other] = trips.since[leg]
     others.until[other] = trips.until[leg]
     return 0
+
+
+class PathsBySlot:
+    """The paths of the agents of one game through a turn, by slot; a subclass makes room for them.
+
+    Attributes:
+        maps: for each slot, the ids of the map on which the path was found; None: the agent has no path.
+        core: the paths.
+        make_progress: makes the position of an agent on an edge.
+        motions: the motions by number, for these positions.
+    """
+
+    def __init__(self, agents: int, make_progress: Any, motions: Sequence[Any]) -> None:
+        self.maps: list[Any] = [None] * agents
+        self.core: TurnPaths
+        self.make_progress = make_progress
+        self.motions = motions
+
+    def take(self, i: int, paths: TurnPaths, row: int, room: int, roads: Any) -> int:
+        """Copy the path of an agent from other paths.
+
+        Args:
+            i: its slot.
+            paths: the other paths,
+            row: and its row there.
+            room: a number that is not less than the number of its legs, and of nodes beyond the first.
+            roads: the ids of the map.
+        """
+        if room + MORE_LEGS > self.core.most:
+            self.reserve(room)
+        copy_trip(paths, row, self.core, i)
+        self.maps[i] = roads
+        return 0
+
+    def reserve(self, legs: int) -> bool:
+        """Make room for so many legs of an agent, and legs before and after them; return whether memory is new."""
+        raise NotImplementedError
+
+    def progress(self, i: int) -> Any:
+        """Return the position of an agent on an edge when its path ends; None: it is on a node."""
+        roads = self.maps[i]
+        paths = self.core
+        if roads is None or paths.share[i] == 0.0:
+            return None
+        if roads.edge_ids is None:  # its path is over nodes
+            return self.make_progress(paths.node[i], paths.edge[i], paths.share[i])
+        source, target, id = roads.edge_ids[paths.edge[i]]
+        return self.make_progress(source, target, paths.share[i], id, self.motions[paths.motion[i]])
 
 
 def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:

@@ -1,6 +1,11 @@
 cimport cython
 
-from gamms.core cimport arrivals, moves, rules
+from gamms.core cimport arrivals, conflicts, moves, rules
+from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents
+from gamms.core.ask cimport ask_each
+from gamms.core.conflicts cimport Contests, MoveRequests
+from gamms.core.contacts cimport NodeNumbers
+from gamms.core.rules cimport Events, GameColumns, Rule
 
 ctypedef long long i64
 
@@ -38,3 +43,117 @@ cpdef int play(Player p, i64 begin, i64 end) except -1 nogil
 cpdef int play_phases(Player p, i64 phase, i64 begin, i64 end) except -1 nogil
 cpdef int play_phases_aside(Player p, i64 phase, i64 begin, i64 end) except -1
 cpdef int play_aside(Player p, i64 begin, i64 end) except -1
+
+
+@cython.final
+cdef class Entry:
+    cdef readonly str phase, time
+    cdef readonly i64 part
+    cdef readonly object play
+
+
+@cython.final
+cdef class PartInCore:
+    cdef readonly list individuals, sensors, numbers, looks
+    cdef readonly MovingAgents moving
+    cdef i64 count, version
+    cdef readonly bint has_starts, see_world_only, has_plans, is_paced, is_all_ground
+    cdef readonly object ground
+
+
+cdef class Answers:
+    cdef public object state, slots, starts, ends, paths
+    cdef public MoveColumns moves
+    cdef public dict actions
+    cdef public list awaited, written, failures
+
+    cpdef int begin(self, object slots, object starts, object ends, MoveColumns moves) except -1
+    cpdef int forget(self) except -1
+
+
+cdef class TurnMovesInCore:
+    cdef public object order, starts, ends, paths, slots, by_names
+    cdef public dict actions
+    cdef public MoveColumns columns
+    cdef public i64 applied
+
+    cpdef bint are_steps(self, AgentColumns block) except -1
+
+
+cdef class GameTurn:
+    cdef public object phase, state, make_moves, near, asked_part, travel, order_now, whole
+    cdef public list observers
+    cdef public Answers answers
+    cdef public i64 part, asked, first, seed_changes
+    cdef public bint is_deciding, is_moving
+
+    @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
+    cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
+    cpdef int play_decisions(self, i64 number) except -1
+    @cython.locals(answers=Answers)
+    cpdef ask(self, object order, object part, object observers, object paths=*)
+    @cython.locals(answers=Answers, asked=PartInCore, moves=MoveColumns, both=object, alike=list)
+    cpdef decide(self, object order, object part, object observers=*, object paths=*)
+    @cython.locals(moves=TurnMovesInCore, moving=PartInCore, block=AgentColumns)
+    cpdef int move(self, i64 number) except -1
+    @cython.locals(moves=TurnMovesInCore)
+    cpdef int give_way(self, i64 number) except -1
+
+
+cdef class NodeConflicts:
+    cdef public NodeNumbers numbers
+    cdef public MoveColumns rows
+    cdef public Contests contests
+    cdef public MoveRequests requests
+    cdef i64[::1] found
+    cdef public i64 room
+
+    cpdef bint write(self, MoveColumns moves) except -1
+    cpdef i64 resolve(self, i64 turn) except -1
+
+
+cdef class RuleOfGame:
+    cdef public Events events
+    cdef public list in_each_turn
+    cdef public object rule
+
+    @cython.locals(rule=Rule)
+    cpdef list play(self, object ctx)
+
+
+cdef class MovesForRules
+
+
+cdef class RuleMoves:
+    cdef public GameColumns games
+    cdef public NodeNumbers numbers
+    cdef public object rules, order
+    cdef public MovesForRules game
+    cdef public i64 seeds
+    cdef const i64[::1] rows
+    cdef public const i64[::1] slots
+
+    @cython.locals(taken=MoveColumns)
+    cpdef int take_steps(self, TurnMovesInCore moves, AgentColumns columns) except -1
+    @cython.locals(game=MovesForRules)
+    cpdef bint has_room(self) except -1
+    @cython.locals(found=RuleOfGame, kept=dict)
+    cpdef made(self, object ctx, object form, object key)
+
+
+cdef class MovesForRules:
+    cdef public object phase, state, revised, revision
+    cdef public GameTurn turns
+    cdef public AgentColumns block
+    cdef public RuleMoves now
+    cdef public NodeNumbers numbers, streets
+    cdef public object pieces
+    cdef public i64 epoch, keys
+    cdef public i64[::1] turn_number
+    cdef object _moves
+    cdef i64 _version, _turn
+
+    cpdef bint is_of_map(self) except -1
+    cpdef int begin(self, object ctx) except -1
+    @cython.locals(now=RuleMoves, number=i64, seeds=i64, is_known=bint)
+    cpdef turn(self, object ctx)

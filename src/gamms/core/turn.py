@@ -1,3 +1,4 @@
+# cython: binding=False, auto_pickle=False, embedsignature=True, embedsignature.format=clinic
 """Play turns of one game, or whole games, by functions of the core alone.
 
 A turn consists of these phases, one after the other. All agents decide before any moves. With
@@ -19,11 +20,32 @@ Agents that decide on arrival decide and give way several times per turn: `arriv
 instead of the first, `arrivals.play_phase`.
 
 Games share only the map and the arguments of rules; they can be played in any order and on several threads.
+
+A single game whose functions are called in its turns is a `GameTurn`. Its plan has the phases that it needs, for each
+part of its order of play:
+
+| phase    | what happens                                               | method                    |
+|----------|------------------------------------------------------------|---------------------------|
+| decide   | the agents of a part of the turn observe and decide        | `GameTurn.play_decisions` |
+| act      | rules refuse moves and deeds, and execute deeds            | of a subclass             |
+| give way | agents that lose conflicts stay                            | `GameTurn.give_way`       |
+| move     | the agents of the part move                                | `GameTurn.move`           |
+| join     | the moves of the part are added to those of the whole turn | of a subclass             |
+| send     | messages are sent, after all parts                         | of a subclass             |
 """
 
 from __future__ import annotations
 
-from gamms.core import arrivals, moves, rules
+from time import perf_counter
+from typing import Any
+
+from gamms.core import arrivals, conflicts, moves, rules
+from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents
+from gamms.core.ask import DecidingAgent, SensorCall, ask_each
+from gamms.core.block import INT64
+from gamms.core.conflicts import Contests, MoveRequests
+from gamms.core.contacts import NodeNumbers
+from gamms.core.rules import Events, GameColumns
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -185,3 +207,600 @@ def play_phases_aside(p: Player, phase: int, begin: int, end: int) -> int:
     with cython.nogil:
         play_phases(p, phase, begin, end)
     return 0
+
+
+# -- turns of one game whose functions are called ----------------------------------------------------------------
+
+PHASES_OF_GAME = ("decide", "act", "give way", "move", "join", "send")
+
+
+class Entry:
+    """A phase in the plan of a turn.
+
+    Attributes:
+        phase: its name.
+        part: the part of the turn.
+        time: where the time that it takes is counted.
+        play: plays it; called with the part.
+    """
+
+    def __init__(self, phase: str, part: int, time: str, play: Any) -> None:
+        self.phase = phase
+        self.part = part
+        self.time = time
+        self.play = play
+
+
+class PartInCore:
+    """The agents of a part of a turn that are asked one by one, and the agents that move.
+
+    Attributes:
+        individuals: the agents with a strategy of their own.
+        sensors, numbers: for each of them, its sensors and the index of its slot.
+        looks: for each group of equal sensors of them, a function that returns what they share.
+        version: the version of the sensors.
+        moving: all agents.
+        count: the number of all agents.
+        has_starts: whether the nodes of all agents are written before they decide; not if plans decide for all.
+        see_world_only: whether all sensors look only at the graph and the agents.
+        has_plans: whether plans decide for some agents.
+        is_paced: whether some agents may be on an edge.
+        ground: the rows of the agents of the part that are on the ground; see `AgentColumns.move_all`.
+        is_all_ground: whether these are all agents.
+    """
+
+    def __init__(
+        self,
+        individuals: list[DecidingAgent],
+        sensors: list[tuple[SensorCall, ...]],
+        numbers: list[int],
+        looks: list[Any],
+        version: int,
+        moving: MovingAgents,
+        count: int,
+        *,
+        has_starts: bool,
+        see_world_only: bool,
+        has_plans: bool,
+        is_paced: bool,
+        ground: Any,
+        is_all_ground: bool,
+    ) -> None:
+        self.individuals = individuals
+        self.sensors = sensors
+        self.numbers = numbers
+        self.looks = looks
+        self.version = version
+        self.moving = moving
+        self.count = count
+        self.has_starts = has_starts
+        self.see_world_only = see_world_only
+        self.has_plans = has_plans
+        self.is_paced = is_paced
+        self.ground = ground
+        self.is_all_ground = is_all_ground
+
+
+class Answers:
+    """The answers of the agents of a part of a turn; a subclass handles those other than a legal node.
+
+    Attributes:
+        state: the state of the game.
+        slots: the slots of all agents.
+        starts: the node of each agent, by slot.
+        ends: the node that each agent moves to, by slot, as a view of an array.
+        moves: the starts and ends as arrays of the core; None: use `starts` and `ends`.
+        actions: slot -> its action, if it flies, turns or does deeds; a new dict for each part.
+        paths: the paths of agents that do more than to move along one edge; None: there are none.
+        awaited: awaitables to collect.
+        written: (slot, changed copy of the team memory) of each agent that changed it.
+        failures: (slot, kind, message) of each failure.
+    """
+
+    def begin(self, slots: Any, starts: Any, ends: Any, moves: MoveColumns | None) -> int:
+        """Start a new part of a turn.
+
+        Args:
+            slots: the slots of the agents.
+            starts: the node of each agent.
+            ends: a writable copy of `starts`; None: it is made when necessary.
+            moves: both as arrays of the core.
+        """
+        self.slots = slots
+        self.starts = starts
+        self.moves = moves
+        self.actions: dict[int, Any] = {}
+        self.paths: Any = None
+        self.ends = starts if ends is None else ends
+        if self.written or self.failures or self.awaited:
+            self.forget()
+        return 0
+
+    def forget(self) -> int:
+        """Reset the lists that few games use."""
+        self.written: list[Any] = []
+        self.failures: list[Any] = []
+        self.awaited: list[Any] = []
+        return 0
+
+
+class TurnMovesInCore:
+    """The moves of one turn by slot.
+
+    Attributes:
+        order: the agents.
+        starts, ends: the nodes where the move of each agent begins and ends.
+        slots: the slots of the agents.
+        actions: slot -> its action, if it flies, turns or does deeds.
+        columns: the starts and ends as arrays of the core; None: not known yet.
+        paths: the paths of agents that do more than to move along one edge; None: there are none.
+        applied: the version of the agents when these moves were made, by agents with paths; -1: not known.
+        by_names: agent -> its move, for agents on the ground; None: not made yet.
+    """
+
+    def __init__(
+        self,
+        order: Any,
+        starts: Any,
+        ends: Any,
+        actions: dict[int, Any],
+        columns: MoveColumns | None = None,
+        paths: Any = None,
+    ) -> None:
+        self.order = order
+        self.starts = starts
+        self.ends = ends
+        self.actions = actions
+        self.columns = columns
+        self.paths = paths
+        self.applied = -1
+        self.slots = order.slots
+        self.by_names: dict[str, Any] | None = None
+
+    def in_core(self) -> MoveColumns:
+        """Return the starts and ends of all moves as arrays of the core."""
+        raise NotImplementedError
+
+    def are_steps(self, block: AgentColumns) -> bool:
+        """Return whether all living agents took part on the ground, each along at most one edge."""
+        order = self.order
+        agents: Any = block
+        if agents.travellers or order.whole.on_ground is not None:
+            return False
+        if order.structure_version != agents.structure.version:
+            has_same_rows = order.rows_version == agents.rows.version and not agents.removed
+            if order.structure_version < 0 or not has_same_rows:
+                return False
+        return self.paths is None or self.paths.are_steps()
+
+
+class GameTurn:
+    """Plays the turns of one game; a subclass has the phases that few games need, and handles uncommon answers.
+
+    Attributes:
+        phase: the phase of the context.
+        state: the state of the game.
+        answers: collects the decisions.
+        travel: finds the paths of agents by metres.
+        near: node id -> the nodes that are legal along one edge.
+        part: the number of the current part, in the order of play.
+        asked: the number of times that the agents of a part were asked to decide.
+        asked_part: the order and the agents of the last time; None: there was none.
+        is_deciding: whether agents are observing and deciding now.
+        is_moving: whether agents are deciding and moving now.
+        seed_changes: the number of changes of the context's seed.
+        observers: called in every turn with the agents and their states before any agent decides, in order.
+        order_now: the living agents; None: they are not known.
+        first: the first part of the turn that was not played before.
+        whole: the moves of the parts of the turn that were played.
+        make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
+    """
+
+    def __init__(self, phase: Any, state: Any, make_moves: Any) -> None:
+        self.phase = phase
+        self.state = state
+        self.make_moves = make_moves
+        self.near: Any = {}
+        self.part = 0
+        self.asked = 0
+        self.asked_part: Any = None
+        self.is_deciding = False
+        self.is_moving = False
+        self.seed_changes = 0
+        self.observers: list[Any] = []
+        self.order_now: Any = None
+        self.first = 0
+        self.whole: Any = None
+        self.travel: Any
+        self.answers: Any
+
+    def _publish(self, order: Any, part: Any, answers: Any) -> None:
+        """Publish errors, team memories and messages, after all agents have decided."""
+        raise NotImplementedError
+
+    def _leave_closed_edges(self, order: Any, part: Any) -> None:
+        """Move agents on removed edges to the node that they passed last."""
+        raise NotImplementedError
+
+    def _observe_first(self, order: Any, part: Any, observers: Any) -> dict[int, Any]:
+        """Return slot -> state, for parts in which all agents have to observe before any decides."""
+        raise NotImplementedError
+
+    def _ask_at_arrivals(self, order: Any, part: Any, observers: Any) -> Any:
+        """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
+        raise NotImplementedError
+
+    def _ask_part(self, answers: Any, part: Any, seen: Any) -> None:
+        """Call the strategies and plans of a part; `seen` has the states of agents by slot, None: they observe now."""
+        raise NotImplementedError
+
+    def _ask_plans(self, answers: Any, part: Any, seen: Any) -> None:
+        """Call the plans of a part; see `ask_part`."""
+        raise NotImplementedError
+
+    def _await_answers(self, answers: Any) -> None:
+        """Wait for the answers of awaitables."""
+        raise NotImplementedError
+
+    def stop_losers(self, moves: Any) -> Any:
+        """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
+        raise NotImplementedError
+
+    def _apply_actions(self, moves: Any, part: Any, block: Any) -> None:
+        """Write positions on edges, headings and flights of a part to the columns of the agents."""
+        raise NotImplementedError
+
+    def play_entries(self, entries: list[Entry], epoch: int) -> int:
+        """Play phases one after the other, and count the time that each takes.
+
+        If a rule ends the game, the later parts of the turn are not played.
+
+        Returns:
+            The number of phases played: not all if the epoch of the context has risen.
+        """
+        spent = self.state.timings
+        phase = self.phase
+        began = perf_counter()
+        for number in range(len(entries)):
+            entry = entries[number]
+            if entry.part > self.part and entry.phase != "send" and self.state.over is not None:
+                continue
+            entry.play(entry.part)
+            now = perf_counter()
+            spent[entry.time] += now - began
+            began = now
+            if phase.epoch != epoch:
+                return number + 1
+        return len(entries)
+
+    def play_decisions(self, number: int) -> int:
+        """Let the agents of a part of the turn observe and decide."""
+        state = self.state
+        order = self.order_now
+        part = order.parts[number]
+        self.part = number
+        if number > self.first:
+            state.moves = self.whole  # for those that decide now
+        if part.decides_at_arrivals:
+            moves = self._ask_at_arrivals(order, part, self.observers)
+        else:
+            moves = self.ask(order, part, self.observers)
+        state.moves = moves
+        if order.whole.paced:
+            moves.let_stand(order.whole.paced, self.travel)
+        return 0
+
+    def ask(self, order: Any, part: Any, observers: Any, paths: Any = None) -> Any:
+        """Return the moves that the agents of a part choose; `paths` receives paths by metres.
+
+        Agents do not see each other's decisions: while a strategy runs, nothing can change, so all agents observe the
+        same state even though each observes just before it decides. If a sensor may look at more than the world, all
+        agents observe first.
+        """
+        answers = self.decide(order, part, observers, paths)
+        blocked = self.state.blocked
+        if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
+            self._publish(order, part, answers)
+        if answers.ends is answers.starts:
+            answers.ends_to_write()
+        return self.make_moves(order, answers.starts, answers.ends, answers.actions, answers.moves, answers.paths)
+
+    def decide(self, order: Any, part: Any, observers: Any = (), paths: Any = None) -> Any:
+        """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
+        phase = self.phase
+        answers = self.answers
+        asked = part.in_core
+        if asked is None or asked.version != phase.sensor_changes:
+            asked = part.prepare(order, phase.sensor_changes)
+        if asked.has_starts:
+            both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
+            starts = both[: asked.count]
+            ends = both[asked.count :]
+            moves = MoveColumns(starts, ends)
+            asked.moving.begin(moves)
+            answers.begin(order.slots, starts, ends, moves)
+        else:
+            answers.begin(order.slots, order.nodes(), None, None)
+        answers.paths = paths
+        if asked.is_paced:
+            self._leave_closed_edges(order, part)
+            self.travel.prepare(len(order.block))
+        self.asked += 1
+        self.asked_part = (order, part)
+        self.is_deciding = True
+        phase.moment = object() if asked.see_world_only else None
+        try:
+            if observers or not asked.see_world_only:
+                self._ask_part(answers, part, self._observe_first(order, part, observers))
+            elif asked.individuals:
+                alike = []
+                for look in asked.looks:
+                    alike.append(look())  # noqa: PERF401 - a comprehension is not compiled as well
+                ask_each(
+                    answers,
+                    phase,
+                    asked.individuals,
+                    asked.sensors,
+                    asked.numbers,
+                    answers.moves,
+                    self.near,
+                    alike,
+                    asked.moving,
+                    self.travel,
+                )
+                phase.agent = None
+                if asked.has_plans:
+                    self._ask_plans(answers, part, None)
+            else:
+                self._ask_part(answers, part, None)
+            if answers.awaited:
+                self._await_answers(answers)
+        except BaseException:
+            answers.drop()
+            raise
+        finally:
+            phase.agent = None
+            phase.moment = None
+            self.is_deciding = False
+        return answers
+
+    def move(self, number: int) -> int:
+        """Move the agents of a part of the turn."""
+        moves = self.state.moves
+        order = moves.order
+        part = order.parts[number]
+        moving = part.in_core
+        if moving is None:
+            moving = part.prepare(order, self.phase.sensor_changes)
+        block = order.block
+        ends = moves.ends
+        block.move_all(moving.ground, ends if moving.is_all_ground else part.of_ground(ends))
+        moving.moving.count(moves.in_core() if moves.columns is None else moves.columns)
+        if not moving.has_starts:
+            order.end(ends)
+        if moving.is_paced or moves.actions:
+            self._apply_actions(moves, part, block)
+        if block.placed:
+            rows = order.selection.rows
+            block.placed.difference_update([rows[i] for i in part.members])
+        if moves.paths is not None and not (block.placed or order.has_parts or block.flyers):
+            moves.applied = block.version
+        return 0
+
+    def give_way(self, number: int) -> int:  # noqa: ARG002 - as all phases
+        """Resolve conflicts, and stop the losers."""
+        moves = self.state.moves
+        stopped, places = self.stop_losers(moves)
+        if len(stopped) > 0:
+            self.state.blocked.add_conflicts(moves.order.names, stopped, places)
+            moves.slots.show_blocked(stopped)
+        return 0
+
+
+class NodeConflicts:
+    """The agents of one game with conflicts, which the core resolves on nodes.
+
+    Attributes:
+        numbers: numbers the nodes.
+        rows: the starts and the ends of moves as numbers of places.
+        room: the number of nodes for which there is working memory.
+        contests, requests: working memory, and the moves in the form of `core.conflicts`.
+        found: (agents,) the agents that stay.
+    """
+
+    def __init__(self, numbers: NodeNumbers, rows: MoveColumns, found: memoryview[int]) -> None:
+        self.numbers = numbers
+        self.rows = rows
+        self.found = found
+        self.room = -1
+        self.contests: Contests
+        self.requests: MoveRequests
+
+    def write(self, moves: MoveColumns) -> bool:
+        """Write the numbers of the starts and the ends of moves; return whether there is room for them."""
+        self.numbers.write_moves(moves, self.rows)
+        return self.numbers.room == self.room
+
+    def resolve(self, turn: int) -> int:
+        """Resolve the conflicts of the moves that were written; return the number of agents that stay, in `found`."""
+        if conflicts.resolve(self.contests, self.requests, 0, turn) == 0:
+            return 0
+        return conflicts.losers(self.contests, self.found)
+
+
+# -- shipped rules of one game ------------------------------------------------------------------------------------
+
+
+class RuleOfGame:
+    """A shipped rule in one game.
+
+    Attributes:
+        rule: the rule in the core; or a `Tagging`, for contacts alone.
+        events: the events of the rules of the game.
+        in_each_turn: functions of the context that are called before each turn.
+    """
+
+    def __init__(self, events: Events) -> None:
+        self.events = events
+        self.in_each_turn: list[Any] = []
+        self.rule: Any = None
+
+    def play(self, ctx: Any) -> list[Any]:
+        """Apply the rule to the game; return the kind, the agent and the flag of each event."""
+        rules.play(self.rule, 0)
+        return [] if self.events.count == 0 else self.tell(ctx)
+
+    def tell(self, ctx: Any) -> list[Any]:
+        """Do in the context what the core has done; return as `play`."""
+        raise NotImplementedError
+
+
+class RuleMoves:
+    """The moves of the agents of one game in a turn, as rules of the core read them, and these rules.
+
+    Attributes:
+        games: the columns of the agents.
+        numbers: numbers the nodes.
+        rows: (agents,) the row of each agent in the block.
+        slots: (agents,) the move of each agent; -1: it took no part.
+        game: takes the moves.
+        order: the agents whose moves `slots` has; None: not known yet.
+        seeds: how often the seed had changed when draws were last derived from it.
+        rules: makes the rules, and keeps them by key; None: none was made.
+    """
+
+    def __init__(self, game: MovesForRules, games: GameColumns, rows: memoryview[int], slots: memoryview[int]) -> None:
+        self.game = game
+        self.games = games
+        self.numbers = game.numbers
+        self.rows = rows
+        self.slots = slots
+        self.order: Any = None
+        self.seeds = -1
+        self.rules: Any = None
+
+    def take_steps(self, moves: TurnMovesInCore, columns: AgentColumns) -> int:
+        """Take the moves of agents along at most one edge each."""
+        if moves.order is not self.order:
+            self.slots = self.slots_of(moves.order, columns)
+            self.order = moves.order
+        taken = moves.in_core() if moves.columns is None else moves.columns
+        rules.take_moves(self.games, self.numbers, taken, columns, self.rows, self.slots)
+        block: Any = columns
+        if block.placed:
+            self.note_placed(block)
+        return 0
+
+    def slots_of(self, order: Any, block: Any) -> memoryview[int]:
+        """Return the slot of each agent in an order, (agents,); -1: it has none."""
+        raise NotImplementedError
+
+    def note_placed(self, block: Any) -> None:
+        """Note the agents that were relocated after their moves."""
+        raise NotImplementedError
+
+    def has_room(self) -> bool:
+        """Return whether the tables of the rules have room for all nodes and edges that are numbered."""
+        known = self.rules
+        game = self.game
+        if known is None or known.pieces is not game.pieces or game.streets.count > game.keys:
+            return False
+        is_enough: bool = self.numbers.count <= known.most_numbers
+        return is_enough
+
+    def made(self, ctx: Any, form: Any, key: Any) -> Any:
+        """Return the rule of a form, ready to be played."""
+        while True:
+            if not self.has_room():
+                self.renew_rules()
+            known = self.rules
+            found = known.kept.get(key)
+            if found is None:
+                found = known.made(form, key)
+            for function in found.in_each_turn:
+                function(ctx)
+            if self.numbers.count <= known.most_numbers:  # no further nodes were numbered
+                return found
+
+    def renew_rules(self) -> None:
+        """Make the rules again, with more room."""
+        raise NotImplementedError
+
+
+class MovesForRules:
+    """The moves of a game for its rules: of the present turn, as long as nothing has changed.
+
+    Attributes:
+        phase: the phase of the context.
+        state: the state of the game.
+        numbers, streets: number the nodes and the edges.
+        pieces: working memory for contacts.
+        keys: the number of nodes or edges for which it has room.
+        turns: the turn engine.
+        block: the agents.
+        revised: the object that counts the changes of the map.
+        revision: the revision of the map.
+        epoch: the epoch of the agents.
+        turn_number: (1,) the number of turns played, for rules.
+        now: the moves; None: they are not taken yet.
+    """
+
+    def __init__(
+        self, phase: Any, state: Any, turns: GameTurn, numbers: NodeNumbers, revised: Any, revision: Any
+    ) -> None:
+        self.phase = phase
+        self.state = state
+        self.turns = turns
+        self.numbers = numbers
+        self.streets = NodeNumbers()
+        self.pieces: Any = None
+        self.keys = 0
+        self.revised = revised
+        self.revision = revision
+        self.epoch = -1
+        self.block: AgentColumns
+        self.turn_number: memoryview[int]
+        self.now: RuleMoves | None = None
+        self._moves: Any = None
+        self._version = 0
+        self._turn = 0
+
+    def is_of_map(self) -> bool:
+        """Return whether the map and the settings are the same as before."""
+        is_same: bool = self.revision == self.revised.revision and self.epoch == self.phase.epoch
+        return is_same
+
+    def begin(self, ctx: Any) -> int:
+        """Take the present agents, and the number of the turn."""
+        if self.epoch != self.phase.epoch:
+            self.take_agents(ctx)
+        self.turn_number[0] = self.state.turn
+        return 0
+
+    def turn(self, ctx: Any) -> Any:
+        """Return the moves of this turn."""
+        self.begin(ctx)
+        state = self.state
+        number = state.turn
+        moves = state.moves
+        now = self.now
+        is_known = now is not None and moves is self._moves and self._turn == number
+        # NOTE: before agents are moved, rules may undo their moves without changing a version.
+        if not is_known or self._version != self.block.version or self.turns.is_moving:
+            now = self.follow_moves(ctx, moves)
+            self._moves = moves
+            self._version = self.block.version
+            self._turn = number
+            self.now = now
+        seeds = self.turns.seed_changes
+        if now.seeds != seeds:  # type: ignore[union-attr] # it is known now
+            now.draw_by(ctx, seeds)  # type: ignore[union-attr]
+        return now
+
+    def take_agents(self, ctx: Any) -> None:
+        """Take the present agents."""
+        raise NotImplementedError
+
+    def follow_moves(self, ctx: Any, moves: Any) -> RuleMoves:
+        """Take the moves of the turn; return them for rules."""
+        raise NotImplementedError

@@ -19,6 +19,7 @@ from gamms.arguments import DescribedFunction, as_choice, as_flag, as_int, as_te
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
 from gamms.core.contacts import NodeNumbers
+from gamms.core.turn import NodeConflicts
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
 from gamms.ir.graph import GraphColumns, IntArray, as_node_id
@@ -32,6 +33,7 @@ Capacity = int | Mapping[int, int | None] | str | None  # the type of the argume
 UNLIMITED = (1 << 63) - 1  # more agents than any game has
 _PURPOSE = "conflicts"  # of draws
 _FIRST_EDGE = 1 << 62  # less than this, numbers of edges before they follow those of nodes
+_NOBODY = memoryview(array("q"))
 _MISSING = object()  # the rank of an agent that the ranking does not know
 
 
@@ -269,7 +271,11 @@ class TurnConflicts:
         self._agents: _Agents | None = None
         self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
-        self._key: tuple[Any, ...] = ()
+        self._allows_swaps: object = None  # as it was then
+
+    def forget(self) -> None:
+        """Draw by the present seed of the context from now on."""
+        self._order = None
 
     def check_teams(self, conflicts: IConflicts, order: TurnOrder) -> None:
         """Refuse living agents on the ground whose team has no rank; call it before each turn.
@@ -305,12 +311,12 @@ class TurnConflicts:
             moves_of: returns the moves of slots, by name and in order.
             ctx: the context.
         """
-        key = (getattr(conflicts, "allow_swaps", None), ctx.seed)
-        if order is not self._order or conflicts is not self._conflicts or self._key != key:
+        allows_swaps = getattr(conflicts, "allow_swaps", None)
+        if order is not self._order or conflicts is not self._conflicts or allows_swaps != self._allows_swaps:
             self._agents = self._agents_of(conflicts, order, ctx)
             self._order = order
             self._conflicts = conflicts
-            self._key = key
+            self._allows_swaps = allows_swaps
         if self._agents is not None:
             return self._agents.losers(places, turn, moves_of, ctx)
         ground = order.whole.on_ground
@@ -350,16 +356,17 @@ class PlaceNumbers:
     """
 
     def __init__(self, capacities: "_Capacities", ctx: HostContext) -> None:
-        self._nodes = node_numbers(ctx.graph.graph.columns())
+        self.nodes = node_numbers(ctx.graph.graph.columns())
         self._edges = NodeNumbers()
         self._capacities = capacities
+        self.depend_on_map = capacities.depend_on_map
         self._columns: GraphColumns | None = None  # the map of `_limits`
         self._limits: IntArray = np.zeros(0, np.int64)
 
     @property
     def num_nodes(self) -> int:
         """The number of the first edge."""
-        return self._nodes.room
+        return self.nodes.room
 
     def write(self, places: MovePlaces, rows: MoveRows, ctx: HostContext) -> IntArray:
         """Write the numbers of the starts and the ends of moves; return the capacities of all numbers.
@@ -372,27 +379,27 @@ class PlaceNumbers:
                 self._columns = columns
                 self._read_limits(columns)
         if isinstance(places, MoveColumns):
-            self._nodes.write_moves(places, rows.columns)
+            self.nodes.write_moves(places, rows.columns)
         else:
             for several, row in zip(places, rows.both, strict=True):
                 row[:] = [self._number(place) for place in several]
-        if len(self._limits) != self._nodes.room + self._edges.room:
+        if len(self._limits) != self.nodes.room + self._edges.room:
             self._read_limits(self._columns)
         if not isinstance(places, MoveColumns):
-            rows.both[rows.both < 0] += self._nodes.room + _FIRST_EDGE
+            rows.both[rows.both < 0] += self.nodes.room + _FIRST_EDGE
         return self._limits
 
     def _number(self, place: int | EdgePlace) -> int:
         """Return the number of a node; of an edge, its number among edges, less than 0."""
         if isinstance(place, EdgePlace):
             return self._edges.number(place.edge) - _FIRST_EDGE
-        return self._nodes.number(place)
+        return self.nodes.number(place)
 
     def _read_limits(self, columns: GraphColumns) -> None:
         nodes = columns.node_ids, columns.node_attributes
         edges = columns.edge_ids, columns.edge_attributes
         known = self._capacities
-        self._limits = np.concatenate((known.nodes.of(self._nodes, *nodes), known.edges.of(self._edges, *edges)))
+        self._limits = np.concatenate((known.nodes.of(self.nodes, *nodes), known.edges.of(self._edges, *edges)))
 
 
 def node_numbers(columns: GraphColumns) -> NodeNumbers:
@@ -402,7 +409,7 @@ def node_numbers(columns: GraphColumns) -> NodeNumbers:
     return NodeNumbers(len(ids) if are_rows else 0)
 
 
-class _Agents:
+class _Agents(NodeConflicts):
     """The agents of a game with conflicts, in the order of their names.
 
     Args:
@@ -426,14 +433,16 @@ class _Agents:
         places: PlaceNumbers | None = None,
     ) -> None:
         self.places = PlaceNumbers(conflicts._limits, ctx) if places is None else places
+        self._rows = MoveRows(len(names))
+        self._losers = np.zeros(len(names), np.int64)
+        losers: Any = self._losers.data
+        super().__init__(self.places.nodes, self._rows.columns, losers)
         self._conflicts = conflicts
         self._names = names
         self._teams = teams
         self._flies = np.zeros(len(names), np.bool_)
         self._flies[[*flying]] = True
         self._purpose = kernels.purpose_key(ctx.seed, _PURPOSE)
-        self._rows = MoveRows(len(names))
-        self._losers = np.zeros(len(names), np.int64)
         self._limits: IntArray | None = None  # those of `_table`
 
     def _take_limits(self, limits: IntArray) -> None:
@@ -446,7 +455,9 @@ class _Agents:
         if ranks is None:
             ranks = kernels.first_key_rows(np.array([self._purpose], np.uint64), kernels.name_keys(self._names))
         counts = memoryview(bytes([1]) * len(self._names))
-        self._requests = self._table.requests(self._rows.both[0].data, self._rows.both[1].data, counts, ranks)
+        self.requests = self._table.requests(self._rows.both[0].data, self._rows.both[1].data, counts, ranks)
+        self.contests = self._table.contests
+        self.room = self.numbers.room
 
     def losers(self, places: MovePlaces, turn: int, moves_of: MovesOf, ctx: HostContext) -> memoryview:
         """Return the numbers of the agents that stay.
@@ -457,24 +468,28 @@ class _Agents:
             moves_of: returns the moves of agents, by name and in order.
             ctx: the context.
         """
-        limits = self.places.write(places, self._rows, ctx)
-        if limits is not self._limits:
-            self._take_limits(limits)
+        is_written = isinstance(places, MoveColumns) and not self.places.depend_on_map and self.write(places)
+        if not is_written:
+            limits = self.places.write(places, self._rows, ctx)
+            if limits is not self._limits:
+                self._take_limits(limits)
         table = self._table
         ranking = table.ranking
-        if ranking is None:
+        found = 0
+        if ranking is not None:
+            found = self.resolve(turn)
+        else:
             self._ask_each(moves_of, ctx)
-        elif not core.resolve(table.contests, self._requests, 0, turn):
-            return memoryview(array("q"))
-        elif ranking.rank is not None:
+            found = core.losers(self.contests, self._losers.data)
+        if found and ranking is not None and ranking.rank is not None:
             for i in np.flatnonzero(table.stays == core.LOSES_UNRANKED).tolist():
                 ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
-        return self._losers[: core.losers(table.contests, self._losers.data)].data
+        return self._losers[:found].data if found else _NOBODY
 
     def _ask_each(self, moves_of: MovesOf, ctx: HostContext) -> None:
         """Decide each contest by the resolver function."""
         c = self._table.contests
-        requests = self._requests
+        requests = self.requests
         core.begin(c, requests, 0)
         try:
             if not self._conflicts.allow_swaps:

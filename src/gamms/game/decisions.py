@@ -4,22 +4,21 @@ from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import MoveColumns, MovingAgents
-from gamms.core.ask import ask_each
 from gamms.core.copies import copied
+from gamms.core.turn import Answers
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import KnownFacts
 from gamms.game.hints import hint_for_strategy
 from gamms.game.movement.legality import IllegalAction, Legality
 from gamms.game.movement.streets import LegalNodes
-from gamms.game.movement.travel import GamePaths, ResolvedAction
-from gamms.game.order import PlannedAgents, TurnPart
+from gamms.game.movement.travel import GamePaths
+from gamms.game.order import PlannedAgents
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -196,7 +195,7 @@ class _Question(NamedTuple):
         return hint_for_strategy(error, [state for state in self.states() if state is not None], plan)
 
 
-class Decisions:
+class Decisions(Answers):
     """The decisions of one part of a turn; call `begin` first.
 
     Args:
@@ -222,10 +221,7 @@ class Decisions:
 
     make = AgentState  # makes a state from a template
 
-    __slots__ = (
-        *("_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
-        *("moves", "observe", "paths", "sense", "slots", "starts", "state", "written"),
-    )
+    __slots__ = ("_legality", "_phase", "_settings", "observe", "sense")
 
     def __init__(
         self,
@@ -242,45 +238,14 @@ class Decisions:
         self._legality = legality
         self.observe = observe
         self.sense = sense
-        self._forget()
-        self.begin([], as_ids([]))
-
-    def begin(
-        self,
-        slots: Sequence[AgentSlot],
-        starts: memoryview,
-        ends: Any = None,
-        moves: MoveColumns | None = None,
-    ) -> Self:
-        """Start a new part of a turn; return this object.
-
-        Args:
-            slots: the slots of the agents.
-            starts: the node of each agent.
-            ends: a writable copy of `starts`; None: it is made when necessary.
-            moves: both as arrays of the core.
-        """
-        self.slots = slots
-        self.starts = starts
-        self.moves = moves
-        self.actions: dict[int, ResolvedAction] = {}
-        self.paths: GamePaths | None = None
-        self.ends: Any = starts if ends is None else ends
-        if self.written or self.failures or self.awaited:
-            self._forget()
-        return self
+        self.forget()
+        self.begin([], as_ids([]), None, None)
 
     def ends_to_write(self) -> Any:
         """Return `ends`, copied from `starts` if it is still the same object."""
         if self.ends is self.starts:
             self.ends = copied_column(self.starts)
         return self.ends
-
-    def _forget(self) -> None:
-        """Reset the lists that few games use."""
-        self.written: list[tuple[int, Any]] = []
-        self.failures: list[tuple[int, str, str]] = []
-        self.awaited: list[tuple[_Question, Any]] = []
 
     # -- questions ----------------------------------------------------------------------------------------------
 
@@ -293,22 +258,6 @@ class Decisions:
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
-
-    def ask_each(self, part: TurnPart, near: Mapping[int, tuple[int, ...]], moving: MovingAgents) -> None:
-        """Call the strategies of the individuals of a part one by one; requires no channels and no time budget.
-
-        After the call, the last agent is still deciding in the phase of the context.
-
-        Args:
-            part: the agents.
-            near: node id -> the nodes that are legal along one edge.
-            moving: the rows of all agents.
-        """
-        looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
-        shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
-        assert self.moves is not None  # noqa: S101 - one agent at least has no plan
-        asked = part.individuals, part.sensors, part.numbers
-        ask_each(self, self._phase, *asked, self.moves, near, shared, moving, self._legality.travel)
 
     def ask_plan(self, commanded: PlannedAgents, states: list[State]) -> None:
         """Call the plan of a team with the states of its agents."""
@@ -518,17 +467,17 @@ class Decisions:
             self.ends_to_write()[i] = resolved.end
             slot = self.slots[i]
             if slot.travels:
-                self.put(i)
+                self.make_paths()
+                self._legality.travel.put(self.paths, i)
             elif not resolved.is_step():
-                self.paths = self.paths or GamePaths(len(self.slots))
+                self.make_paths()
                 self.paths.walk(i, resolved.path, resolved.progress)
             if slot.flies or resolved.heading != () or resolved.deeds is not None:
                 self.actions[i] = resolved
 
-    def put(self, i: int) -> None:
-        """Take the path by metres that was found last, for an agent."""
+    def make_paths(self) -> None:
+        """Make room for paths of more than a step along one edge."""
         self.paths = self.paths or GamePaths(len(self.slots))
-        self._legality.travel.put(self.paths, i)
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""

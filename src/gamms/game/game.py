@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
-from time import perf_counter
+from threading import get_ident
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 
@@ -58,11 +58,12 @@ class Game(Surface, RuleVerbs):
         self._state = GameState()
         self._ruleset = RuleSet(ctx)
         self._collectors = Collectors()
-        self._turns = TurnEngine(ctx, self, self._state, self._phase)
+        self._turns = TurnEngine(ctx, self, self._state, self._phase, self._ruleset, self._collectors)
         self._snapshots = SnapshotTaker(ctx, self._state, self, self._ruleset, self._collectors, self._turns)
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
         self._in_core: GameInCore | None = None  # of the last run; None: Python took part in its turns
+        self._ready_at = -1  # the epoch in which a turn was begun last
         self._unchecked_plans: list[Any] = []  # teams that got a plan since the last turn
         self._is_closed = True
 
@@ -228,19 +229,22 @@ class Game(Surface, RuleVerbs):
             self._prepare_strategies()
         if self._unchecked_plans:
             self._warn_of_unknown_teams()
+        self._ready_at = self._phase.epoch
         return True
 
     def _take_turn(self) -> bool:
         """Play a turn, unless the game is over; return whether it goes on."""
-        if not self._begin_turn():
-            return False
         state = self._state
-        turns = self._turns
-        turns.is_playing = True
+        phase = self._phase
+        # NOTE: once for each epoch, because each look at parts of the context costs (benchmarks: turns)
+        is_ready = self._ready_at == phase.epoch and state.has_begun and state.over is None
+        if not is_ready and not self._begin_turn():
+            return False
+        phase.player = get_ident()
         try:
-            self._play()
+            self._turns.play()
         finally:
-            turns.is_playing = False
+            phase.player = None
         return state.over is None
 
     def _warn_of_unknown_teams(self) -> None:
@@ -278,26 +282,6 @@ class Game(Surface, RuleVerbs):
         seeds = (self.ctx.seed, self.ctx.rng_state()) if earlier is None else earlier.first_seed
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
-
-    def _play(self) -> None:
-        state = self._state
-        rules = self._ruleset
-        if "before" in rules.now.phases and state.parts_played is None:
-            self._apply_rules("before")
-            if state.over is not None:
-                return
-        self._turns.play(self._internals.after_observing, rules)
-        state.turn += 1
-        state.parts_played = None
-        try:
-            if "after" in rules.now.phases:
-                self._apply_rules("after")
-            if self._collectors.by_name:
-                self._collectors.collect(state.turn, self.ctx, lambda: self.agents)
-        finally:  # the agents have moved: the turn counts for recordings and windows, too
-            began = perf_counter()
-            self.ctx.visual_engine.simulate()
-            state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding
     @names_keywords
@@ -630,11 +614,7 @@ class Game(Surface, RuleVerbs):
         try:
             self._internals.draw_start()
             self._turns.prepared = -1
+            self._turns.forget_plan()
         except BaseException:
             self.ctx.reseed(last, chance)
             raise
-
-    def _apply_rules(self, phase: str) -> None:
-        began = perf_counter()
-        self._ruleset.apply(phase, self._state)
-        self._state.timings["rules"] += perf_counter() - began

@@ -1,6 +1,5 @@
 """The living agents in the order of a turn, with data that each turn needs."""
 
-from array import array
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, cast
@@ -8,9 +7,9 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import MoveColumns, MovingAgents
+from gamms.core.agents import MovingAgents
 from gamms.core.ask import SensorCall
-from gamms.core.block import INT64
+from gamms.core.turn import PartInCore
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
@@ -22,7 +21,6 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import ISensor
 
 
 class PlannedAgents:
@@ -76,11 +74,10 @@ class TurnPart:
         asked: the indices of the slots of agents without a plan.
         individuals: these agents in the form of the core; empty if there are channels or a time budget, or teams share
             no memory.
-        sensors, numbers: for each of them, its sensors and the index of its slot.
+        in_core: the part in the form of the core, see `prepare`; None: it was not asked yet.
         commanded: the agents with a plan, by team.
         observing: the indices of the slots of agents whose sensors are called.
         see_world_only: whether all sensors look only at the graph and the agents.
-        has_looks: whether some individuals carry sensors that have to be called.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these agents.
         paced: the indices of the slots of agents on the ground that may be on an edge.
@@ -93,11 +90,7 @@ class TurnPart:
         asked = self._take(slots, settings.plans)
         are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.individuals = [slot.asked for slot in asked] if are_usual else []
-        self.sensors = [one.sensors for one in self.individuals]
-        self.numbers = [*self.asked] if are_usual else []
-        self.has_looks = any(look.sensor is not None for sensors in self.sensors for look in sensors)
-        self._looks = list[Any]()
-        self._looked_at: int | None = None  # the version of the sensors when `_looks` was made
+        self.in_core: PartInCore | None = None
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
     def _take(self, slots: Slots, plans: Mapping[Any, Plan]) -> list[AgentSlot]:
@@ -141,21 +134,29 @@ class TurnPart:
         self.paced = [i for i in slots.paced if i in mine]
         return asked
 
-    def looks(self, version: int) -> list[Any]:
-        """Return one sensor for each group of equal sensors; afterwards `sensors` holds the numbers of these groups.
-
-        Args:
-            version: the version of the sensors.
-        """
-        if self._looked_at != version:
-            first = dict[Hashable, tuple[int, ISensor]]()
-            self.sensors = [
-                one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
-                for one in self.individuals
-            ]
-            self._looked_at = version
-            self._looks = [sensor for _, sensor in first.values()]
-        return self._looks
+    def prepare(self, order: "TurnOrder", version: int) -> PartInCore:
+        """Return the part in the form of the core, for sensors of a version; sensors that look alike share a look."""
+        first = dict[Hashable, tuple[int, Any]]()  # Any: sensors that share looks are of that package
+        sensors = [
+            one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
+            for one in self.individuals
+        ]
+        self.in_core = PartInCore(
+            self.individuals,
+            sensors,
+            [*self.asked] if self.individuals else [],
+            [sensor.shared_look() for _, sensor in first.values()],
+            version,
+            order.moving,
+            len(order.slots),
+            has_starts=bool(order.whole.asked),
+            see_world_only=self.see_world_only,
+            has_plans=bool(self.commanded),
+            is_paced=bool(self.paced),
+            ground=self.ground,
+            is_all_ground=self.on_ground is None,
+        )
+        return self.in_core
 
     def of_ground(self, values: Any) -> Any:
         """Return the values of agents on the ground, from one value per slot."""
@@ -194,7 +195,7 @@ class TurnOrder:
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_blank", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
+        *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
         *("has_deeds", "has_parts", "moving", "parts", "rows_version", "selection", "slots"),
         *("structure_version", "unlisted", "whole"),
     )
@@ -232,7 +233,6 @@ class TurnOrder:
         if before is not None and change is not None:
             self._follow(before, change)
         self.moving = MovingAgents(block, self.selection.buffer, self._moved.data, self.blocked.data)
-        self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: AgentSetChange) -> None:
         """Continue the counts of an earlier order for agents that remain."""
@@ -272,25 +272,9 @@ class TurnOrder:
             return ends
         return self.selection.of(self.block.node)
 
-    def begin(self) -> tuple[Any, Any, MoveColumns | None]:
-        """Return the node of each agent by slot, read-only; a writable copy; and both as arrays of the core.
-
-        The last two are None if plans decide for all agents, because one plan may move them all.
-        """
-        if not self.whole.asked:
-            return self.nodes(), None, None
-        agents = len(self.slots)
-        both = memoryview(self._blank[:])
-        starts = both[:agents]
-        ends = both[agents:]
-        moves = MoveColumns(starts, ends)
-        self.moving.begin(moves)
-        return starts, ends, moves
-
-    def count_moves(self, moves: MoveColumns, ends: Any) -> None:
-        """Count the moves; `ends` are the current nodes of the agents."""
-        self.moving.count(moves)
-        if not (self.whole.asked or self.block.flyers):
+    def end(self, ends: Any) -> None:
+        """Take the nodes to which agents of plans were moved, by slot."""
+        if not self.block.flyers:
             self._ended = self.block.version, ends
 
     def update_counts(self) -> None:
@@ -321,7 +305,7 @@ class TurnOrder:
         self.blocked.fill(0)
 
 
-def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, ISensor]]) -> SensorCall:
+def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:
     """Return a sensor with the number of its group of equal sensors, if it can share data."""
     key = getattr(one.sensor, "looks_alike", None)
     if key is None or not hasattr(one.sensor, "shared_look"):

@@ -6,6 +6,7 @@ A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns 
 from collections.abc import Callable, Collection, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 from inspect import iscoroutinefunction
 from itertools import islice
 from typing import Any, Literal, NamedTuple, TypeVar, Unpack
@@ -23,7 +24,7 @@ from gamms.arguments import (
     with_options,
 )
 from gamms.core.rules import Rule as CoreRule
-from gamms.deciding import ContextPart, refused_while_deciding
+from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
@@ -143,7 +144,7 @@ class Settings(ContextPart):
             self._refuse_unknown(name)
         object.__setattr__(self, name, value if check is None else check(name, value))
         if check is not None:
-            self._phase.setting_changes += 1
+            self._phase.change_settings()
 
     def _refuse_unknown(self, name: str) -> None:
         """Refuse to set an attribute that is no setting: one that a game lacks, or one that is only read."""
@@ -193,7 +194,7 @@ class Settings(ContextPart):
         checked = {name: checked_setting(name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-        self._phase.setting_changes += 1
+        self._phase.change_settings()
 
     @refused_while_deciding
     @with_options()
@@ -389,6 +390,8 @@ class RuleSpec:
             game.
         core_form: called with a `block.in_core.RuleBuilder`; returns the rule of the core. None: the core of batches
             does not have it.
+        player: called with a context; returns a function without arguments that does there what the rule does, and that
+            is kept from turn to turn. None: the rule itself is called.
         needs_ground: whether that form is for games in which no agent flies.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         facts_of: called with the state of a batch and the numbers of games; returns the fact under the key of the rule
@@ -420,6 +423,7 @@ class RuleSpec:
     last_turn: int | None = None
     array_form: Callable[[Any], None] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
+    player: Callable[[Any], Callable[[], object]] | None = None
     needs_ground: bool = False
     prepare_arrays: Callable[[Any], object] | None = None
     facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
@@ -559,6 +563,11 @@ class RuleTable:
         return [(one, check) for one, check in found if check is not None]
 
     @property
+    def may_act_before_moves(self) -> bool:
+        """Whether a rule checks moves and deeds, or executes deeds, or may do so later."""
+        return "deeds" in self.phases or bool(self._own or self._checks)
+
+    @property
     def act_before_moves(self) -> bool:
         """Whether a rule checks moves and deeds, or executes deeds."""
         return "deeds" in self.phases or bool(self.checks)
@@ -575,6 +584,20 @@ def _attributes_of(rule: object) -> list[Any]:
     return [getattr(rule, name, None) for name in _ATTRIBUTES]
 
 
+class _RulePlayer(NamedTuple):
+    """Plays rules that are called as one.
+
+    Attributes:
+        group: the rules.
+        named: the joined rule.
+        play: plays it.
+    """
+
+    group: Sequence[NamedRule]
+    named: NamedRule
+    play: Callable[[], object]
+
+
 class RuleSet:
     """The rules of one game, and changes to them.
 
@@ -587,6 +610,7 @@ class RuleSet:
         self._ctx = ctx
         self.unchecked: list[NamedRule] = []
         self.now = RuleTable(())
+        self._players: dict[str, list[_RulePlayer]] = {}  # by phase
 
     @property
     def rules(self) -> tuple[NamedRule, ...]:
@@ -595,7 +619,12 @@ class RuleSet:
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
         """Replace all rules, without changing artists."""
-        self.now = RuleTable(rules)
+        self._set(RuleTable(rules))
+
+    def _set(self, rules: RuleTable) -> None:
+        self.now = rules
+        self._players.clear()
+        phase_of(self._ctx).epoch += 1
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
@@ -649,7 +678,7 @@ class RuleSet:
     def put(self, rules: RuleTable) -> None:
         """Replace all rules, and update their artists."""
         before = self.now.drawings
-        self.now = rules
+        self._set(rules)
         if before == rules.drawings:
             return
         visual = self._ctx.visual
@@ -668,22 +697,25 @@ class RuleSet:
         If a rule of the phase "before" ends the game, the rest is skipped. Return whether a rule was called.
         """
         known = self.now
+        called = self._players.get(phase)
+        if called is None:
+            called = [self._player_of(*one) for one in known.of_phase[phase]]
+            self._players[phase] = called
         seen = known.rules
-        called = known.of_phase[phase]
         was_called = False
         while True:
-            for group, named in called:
-                members = group if self.now is known else [one for one in group if one in self.rules]
-                if members:
-                    now = named if len(members) == len(group) else _joined(members)
-                    try:
-                        now.rule(self._ctx)
-                    except Exception as error:
-                        _add_place(error, now, phase, state, self._ctx)
-                        raise
-                    was_called = True
-                    if phase == "before" and state.over is not None:
-                        return True
+            for player in called:
+                now = player if self.now is known else self._left_of(player)
+                if now is None:
+                    continue
+                try:
+                    now.play()
+                except Exception as error:
+                    _add_place(error, now.named, phase, state, self._ctx)
+                    raise
+                was_called = True
+                if phase == "before" and state.over is not None:
+                    return True
             if self.now is known:
                 return was_called
             known = self.now
@@ -691,7 +723,20 @@ class RuleSet:
             if not added:
                 return was_called
             seen = (*seen, *added)
-            called = _groups([one for one in added if one.phase == phase])
+            called = [self._player_of(*one) for one in _groups([one for one in added if one.phase == phase])]
+
+    def _player_of(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
+        """Return what plays rules that are called as one."""
+        player = rule_spec_of(named.rule).player
+        play = partial(named.rule, self._ctx) if player is None else player(self._ctx)
+        return _RulePlayer(group, named, play)
+
+    def _left_of(self, player: "_RulePlayer") -> "_RulePlayer | None":
+        """Return what plays those of the rules that were not removed; None: all were."""
+        left = [one for one in player.group if one in self.rules]
+        if len(left) == len(player.group):
+            return player
+        return self._player_of(left, _joined(left)) if left else None
 
     def check(self, state: GameState) -> bool:
         """Call the `check` of each rule, to refuse moves and deeds; return whether there are any."""

@@ -172,7 +172,9 @@ class SnapshotTaker(NamedTuple):
         state.restore(snapshot._values)
         state.go_to(parts["logs"])
         self.turns.restore(parts["turns"], shows_blocked=were_blocked or bool(state.blocked))
-        self.turns.prepared = parts["prepared"]
+        if self.turns.prepared != parts["prepared"]:
+            self.turns.prepared = parts["prepared"]
+            self.turns.forget_plan()
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams; call it before `restore`."""
@@ -364,7 +366,7 @@ class GameInternals(ContextPart):
         self.state: GameState = parts.state
         self.draw_start: Callable[[], None] | None = None
         self.after_reset: list[Callable[[], None]] = []
-        self.after_observing: list[Observer] = []
+        self.after_observing: list[Observer] = parts.turns.observers
         self.scenario: dict[str, Any] | None = None
         self.digests: Callable[[], dict[str, str]] | None = None
         self.kept: dict[str, Any] = {}
@@ -547,6 +549,7 @@ def copy_known(
         if disclose is not None:
             _put_in(state.data, copied(disclose(source.state.data, names), memo))
     state.stream_version += 1
+    target.turns.forget_plan()
 
 
 def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:

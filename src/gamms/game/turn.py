@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from threading import get_ident
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gamms.core.turn import PHASES_OF_GAME, Entry, GameTurn
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
@@ -14,9 +15,10 @@ from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.movement.arrivals import WAITS, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
-from gamms.game.movement.travel import GamePaths, ResolvedAction
+from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
+from gamms.game.result import Collectors
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.ir.agents import AgentBlock
@@ -26,7 +28,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import AerialState, IConflicts, Move, State
+from gamms.typing.game import AerialState, Move, State
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -41,7 +43,26 @@ def closed_edge(source: int, target: int) -> str:
     return f"the edge from node {source} to node {target} was closed"
 
 
-class TurnEngine:
+class TurnPlan(NamedTuple):
+    """The phases that the turns of a game need.
+
+    Attributes:
+        epoch: the epoch of the context in which it is valid; see `DecidePhase`.
+        order: the agents.
+        entries: the phases, in order.
+    """
+
+    epoch: int
+    order: TurnOrder
+    entries: list[Entry]
+
+    def entries_after(self, last: Entry) -> list[Entry]:
+        """Return the phases after a phase of this plan or an earlier one."""
+        played = last.part, PHASES_OF_GAME.index(last.phase)
+        return [one for one in self.entries if (one.part, PHASES_OF_GAME.index(one.phase)) > played]
+
+
+class TurnEngine(GameTurn):
     """Plays the turns of one game.
 
     Args:
@@ -49,42 +70,52 @@ class TurnEngine:
         settings: the settings of the game.
         state: the state of the game.
         phase: the phase of the context, shared by its engines.
+        rules: the rules of the game.
+        collectors: the collectors of the game.
 
     Attributes:
-        is_deciding: whether agents are observing and deciding now.
-        is_moving: whether agents are deciding and moving now.
-        part: the number of the current part, in the order of play.
         refusals: collects refusals of rules during their checks; else None.
-        travel: moves by metres.
         inboxes: messages that agents hear.
         outboxes: messages that agents send.
-        seed_changes: the number of changes of the context's seed.
-        asked: the number of times that the agents of a part were asked to decide.
-        asked_part: the order and the agents of the last time; None: there was none.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
     """
 
-    def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
+    def __init__(
+        self,
+        ctx: HostContext,
+        settings: Settings,
+        state: GameState,
+        phase: DecidePhase,
+        rules: RuleSet,
+        collectors: Collectors,
+    ) -> None:
+        super().__init__(phase, state, TurnMoves)
         self._ctx = ctx
         self._settings = settings
         self._state = state
         self._phase = phase
+        self._rules = rules
+        self._collectors = collectors
+        self.observers = list[Observer]()
+        self._phases: dict[str, tuple[str, Callable[[int], object]]] = {
+            "decide": ("decide", self.play_decisions),
+            "act": ("rules", self._act),
+            "give way": ("resolve", self.give_way),
+            "move": ("apply", self.move),
+            "join": ("apply", self._join),
+            "send": ("apply", self._send),
+        }
+        self._plan: TurnPlan | None = None
+        self._checked: TurnPlan | None = None  # whose teams may play
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
-        self._decisions = Decisions(settings, state, phase, self._legality, self.observation, self.sensed)
+        self.answers = Decisions(settings, state, phase, self._legality, self.observation, self.sensed)
         self._loop: EventLoop | None = None
-        self._order: TurnOrder | None = None
-        self._order_key: tuple[Any, ...] = ()
+        self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
+        self._epoch = -1  # of the order
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
-        self._near: Mapping[int, tuple[int, ...]] = {}  # node -> the nodes legal along one edge, of `_order`
-        self.is_deciding = False
-        self.is_moving = False
-        self.part = 0
-        self.seed_changes = 0
         self.prepared = -1
-        self.asked = 0
-        self.asked_part: tuple[TurnOrder, TurnPart] | None = None
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -108,26 +139,34 @@ class TurnEngine:
 
     def order(self) -> TurnOrder:
         """Return the living agents in the order of a turn."""
-        if self._order is not None and self._phase.agent is not None:
-            return self._order  # nothing changes while agents decide
-        state = self._state
+        order: TurnOrder | None = self.order_now
+        if order is not None and self._phase.agent is not None:
+            return order  # nothing changes while agents decide
         block = self._ctx.agent.block
         if block.flyers:
             block.locate()
-        is_public = not (state.agent_facts or state.team_facts)
-        key = block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version
-        if self._order is None or self._order_key != key:
-            with GarbagePause():  # NOTE: slots stay; to look for garbage among them takes half of the time (w9 alone)
-                self._order = self._new_order(block, key)
-            self._order_key = key
-            self._near = self._ctx.graph.graph.neighborhoods
-        return self._order
+        if order is None or self._epoch != self._phase.epoch or order.block is not block:
+            made_of = self._made_of(block)
+            if order is None or self._order_of != made_of or order.structure_version != block.structure.version:
+                with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
+                    order = self._new_order(block, made_of)
+                self.order_now = order
+                self._order_of = made_of
+                self.near = self._ctx.graph.graph.neighborhoods
+            self._epoch = self._phase.epoch
+        return order
 
-    def _new_order(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
-        """Return a new order of turns; `key` has the versions of the data it depends on, that of the agents last."""
+    def _made_of(self, block: AgentBlock) -> tuple[Any, ...]:
+        """Return what an order depends on besides the agents, to compare."""
+        state = self._state
+        is_public = not (state.agent_facts or state.team_facts)
+        return block, self._phase.setting_changes, state.stream_version, is_public
+
+    def _new_order(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
+        """Return a new order of turns; see `_made_of`."""
         settings = self._settings
         refuse_unused(settings)
-        before = None if self._order_key[:-1] != key[:-1] else self._order
+        before = None if self._order_of != made_of else self.order_now
         version = 0 if before is None else before.structure_version
         slots, change = self._slots.of_living(None if before is None else before.slots, version)
         self.note_departed()
@@ -136,15 +175,17 @@ class TurnEngine:
         groups = self._groups if self.is_moving else settings.order
         return TurnOrder(slots, block, settings, groups, before, change)
 
+    def forget_plan(self) -> None:
+        """Check what the plan depends on before the next turn, because other data than the agents may have changed."""
+        self._phase.epoch += 1
+
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order whose agents are alive again."""
-        state = self._state
-        version = self._ctx.agent.block.structure.version
-        is_public = not (state.agent_facts or state.team_facts)
-        order.structure_version = version
-        self._order = order
-        self._order_key = order.block, self._phase.setting_changes, state.stream_version, is_public, version
-        self._near = self._ctx.graph.graph.neighborhoods
+        order.structure_version = self._ctx.agent.block.structure.version
+        self.order_now = order
+        self._order_of = self._made_of(order.block)
+        self._epoch = self._phase.epoch
+        self.near = self._ctx.graph.graph.neighborhoods
 
     @property
     def draw_table(self) -> DrawTable:
@@ -154,7 +195,7 @@ class TurnEngine:
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
         agents = self._ctx.agent
-        order = self._order
+        order = self.order_now
         if order is not None and self._phase.agent is not None:
             return [*order.living]
         block = agents.block
@@ -193,8 +234,9 @@ class TurnEngine:
     def restart_streams(self) -> None:
         """Make agents draw by the current seed of the context."""
         self.seed_changes += 1
-        if self._order is not None:
-            self._order.slots.table.rekey(self._ctx.seed)
+        self._conflicts.forget()
+        if self.order_now is not None:
+            self.order_now.slots.table.rekey(self._ctx.seed)
 
     def close(self) -> None:
         """Close the event loop, if there is one."""
@@ -204,8 +246,8 @@ class TurnEngine:
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
         self.note_departed()
-        if self._order is not None:
-            self._order.update_counts()
+        if self.order_now is not None:
+            self.order_now.update_counts()
 
     def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
@@ -220,25 +262,25 @@ class TurnEngine:
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""
-        if self._order is not None:
-            self._order.restart_counts()
+        if self.order_now is not None:
+            self.order_now.restart_counts()
 
     def show_blocked(self) -> None:
         """Update the reasons in the states of agents why their last actions were not executed."""
-        for slot in () if self._order is None else self._order.slots.made():
+        for slot in () if self.order_now is None else self.order_now.slots.made():
             slot.show_blocked()
 
     def list_counts(self) -> None:
         """Add conflicts, and agents whose slots are not made, to the counts."""
-        if self._order is not None:
-            self._order.list_counts()
+        if self.order_now is not None:
+            self.order_now.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
         self.update_counts()
-        if self._order is None or self._order.slots.table.turn != self._state.turn:
+        if self.order_now is None or self.order_now.slots.table.turn != self._state.turn:
             return {}
-        each = {slot.name: slot.marks() for slot in self._order.slots.made()}
+        each = {slot.name: slot.marks() for slot in self.order_now.slots.made()}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]], *, shows_blocked: bool = True) -> None:
@@ -249,7 +291,9 @@ class TurnEngine:
             shows_blocked: whether an agent is blocked now, or was before.
         """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
-        order = self.order() if drawn else self._order
+        if self._order_of and self._order_of != self._made_of(self._ctx.agent.block):
+            self.forget_plan()
+        order = self.order() if drawn else self.order_now
         if order is None:
             return
         order.restart_counts()
@@ -263,7 +307,7 @@ class TurnEngine:
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current state of an agent; its sensors are called."""
         sensed = self.sensed(slot)
-        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self.inboxes)
+        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self.answers, self.inboxes)
 
     def sensed(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""
@@ -300,94 +344,137 @@ class TurnEngine:
             state["outbox"] = []
         return state
 
-    def play(self, observers: list[Observer], rules: RuleSet) -> None:
-        """Play the moves of a turn: all agents observe, decide and move, part by part.
+    # -- the phases of a turn ---------------------------------------------------------------------------------------
 
-        Args:
-            observers: called before the agents of a part decide.
-            rules: the rules of the game; those of the phase "deeds" are applied before the moves of each part.
+    def plan(self) -> TurnPlan:
+        """Return the phases of a turn; the same until the epoch rises."""
+        plan = self._plan
+        if plan is None or plan.epoch != self._phase.epoch or plan.order is not self.order():
+            plan = self._new_plan(self.order())
+            self._plan = plan
+        return plan
+
+    def _new_plan(self, order: TurnOrder) -> TurnPlan:
+        """Return the phases that turns of these agents need."""
+        acts = order.has_deeds or self._rules.now.may_act_before_moves
+        has_conflicts = self._settings.conflicts is not None
+        entries = []
+        for number, part in enumerate(order.parts):
+            needed = {
+                "decide": True,
+                "act": acts,
+                "give way": has_conflicts and not part.decides_at_arrivals,
+                "move": True,
+                "join": order.has_parts,
+            }
+            entries += [self._entry(phase, number) for phase in PHASES_OF_GAME if needed.get(phase)]
+        if order.has_channels:
+            entries.append(self._entry("send", len(order.parts)))
+        return TurnPlan(self._phase.epoch, order, entries)
+
+    def _entry(self, phase: str, part: int) -> Entry:
+        time, play = self._phases[phase]
+        return Entry(phase, part, time, play)
+
+    def play(self) -> None:
+        """Play a turn: its phases in order, then the rules after the moves and the listeners of the end of a turn.
 
         Raises:
             BadValue: the order of play lacks a team.
             MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
-        order = self.order()
-        if order.unlisted is not None:
-            raise left_out(order.unlisted.name, order.unlisted.team)
-        if self._settings.conflicts is not None:
-            self._conflicts.check_teams(self._settings.conflicts, order)
+        state = self._state
+        rules = self._rules
+        if "before" in rules.now.phases and state.parts_played is None:
+            self._apply_rules("before")
+            if state.over is not None:
+                return
+        plan = self._plan
+        if plan is None or plan.epoch != self._phase.epoch:
+            plan = self.plan()
+        self._play_moves(plan)
+        state.turn += 1
+        state.parts_played = None
+        try:
+            if "after" in rules.now.phases:
+                self._apply_rules("after")
+            if self._collectors.by_name:
+                self._collectors.collect(state.turn, self._ctx, self.living)
+        finally:  # the agents have moved: the turn counts for recordings and windows, too
+            began = perf_counter()
+            self._ctx.visual.simulate()
+            state.timings["draw"] += perf_counter() - began
+
+    def _play_moves(self, plan: TurnPlan) -> None:
+        """Let all agents observe, decide and move, part by part."""
+        order = plan.order
+        if plan is not self._checked:
+            if order.unlisted is not None:
+                raise left_out(order.unlisted.name, order.unlisted.team)
+            if self._settings.conflicts is not None:
+                self._conflicts.check_teams(self._settings.conflicts, order)
+            self._checked = plan
         self._groups = order.groups
+        self.first = self._state.parts_played or 0
+        self.part = self.first
         self.is_moving = True
         order.block.placed.clear()
+        entries = plan.entries
+        if self.first:
+            entries = [entry for entry in entries if entry.part >= self.first]
         try:
-            self._play_in_parts(order, observers, rules)
+            played = self.play_entries(entries, plan.epoch)
+            while played < len(entries):  # a function has changed what the plan depends on
+                last = entries[played - 1]
+                plan = self.plan()
+                entries = plan.entries_after(last)
+                played = self.play_entries(entries, plan.epoch)
         except BaseException as error:  # the same numbers are drawn when the turn is repeated
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
-            latest = self._order or order
+            latest = self.order_now or order
             latest.slots.table.begin_again()
             raise
         finally:
             self.is_moving = False
-            if self._order is not order and self._settings.order is not order.groups:
-                self._order_key = ()  # a rule has changed the order of play
+            if self.order_now is not order and self._settings.order is not order.groups:
+                self.order_now = None  # a rule has changed the order of play
 
-    def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
-        """Play all parts of the turn, and send messages."""
+    def _act(self, number: int) -> None:
+        """Let rules refuse moves and deeds, and execute deeds."""
+        turn: TurnMoves = self._state.moves
+        if turn.order.has_deeds or self._rules.now.act_before_moves:
+            self._do_deeds(turn, turn.order.parts[number])
+
+    def _join(self, number: int) -> None:
+        """Add the moves of a part to those of the whole turn."""
+        turn: TurnMoves = self._state.moves
+        parts = turn.order.parts
+        turn.go_in_part(number, len(parts), parts[number].members)
+        if number > self.first:
+            whole: TurnMoves = self.whole.on(turn.order)
+            whole.then(turn, number)
+            turn = whole
+        self.whole = turn
+        self._state.moves = turn
+
+    def _send(self, number: int) -> None:  # noqa: ARG002 - as all phases
+        """Send the messages of the turn."""
         state = self._state
-        first = self._state.parts_played or 0
-        turn = self._play_part(order, first, observers, rules)
-        if order.has_parts:
-            state.moves = self._play_later_parts(turn, first, observers, rules)
         if self.outboxes.outgoing:
             state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
 
-    def _play_later_parts(self, turn: TurnMoves, first: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
-        """Play all parts after the first one; return the moves of the whole turn."""
-        parts = len(turn.order.parts)
-        turn.go_in_part(first, parts, turn.order.parts[first].members)
-        for number in range(first + 1, parts):
-            if self._state.over is None:
-                self._state.moves = turn  # for those that decide now
-                later = self._play_part(self.order(), number, observers, rules)
-                later.go_in_part(number, parts, later.order.parts[number].members)
-                turn = turn.on(later.order)
-                turn.then(later, number)
-        return turn
-
-    def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
-        part = order.parts[number]
-        self.part = number
-        spent = self._state.timings
+    def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
-        turn = ask(order, part, observers)
-        self._state.moves = turn
-        if order.whole.paced:
-            turn.let_stand(order.whole.paced, self._legality.travel)
-        now = perf_counter()
-        spent["decide"] += now - began
-        if order.has_deeds or rules.now.act_before_moves:
-            turn = self._do_deeds(turn, part, rules)
-            part = turn.order.parts[number]
-            began = now
-            now = perf_counter()
-            spent["rules"] += now - began
-        if self._settings.conflicts is not None and not part.decides_at_arrivals:
-            self._resolve(turn)
-            began = now
-            now = perf_counter()
-            spent["resolve"] += now - began
-        self._apply(turn, part)
-        spent["apply"] += perf_counter() - now
-        return turn
+        self._rules.apply(phase, self._state)
+        self._state.timings["rules"] += perf_counter() - began
 
-    def _do_deeds(self, turn: TurnMoves, part: TurnPart, rules: RuleSet) -> TurnMoves:
+    def _do_deeds(self, turn: TurnMoves, part: TurnPart) -> None:
         """Call the rules that refuse moves and deeds, log the remaining deeds, and call the rules that execute deeds.
 
-        Return the moves of the current agents. An agent that a rule has placed elsewhere stays there, and an agent
-        whose path was closed stays on its node.
+        An agent that a rule has placed elsewhere stays there, and an agent whose path was closed stays on its node.
         """
+        rules = self._rules
         for i, kind, why in self.refused(turn, part.members, rules):
             if kind is None:
                 self._block(turn.slots[i], why)
@@ -400,14 +487,13 @@ class TurnEngine:
             {"turn": number, "agent": deed.agent, "deed": deed.kind, "at": deed.at, **deed.values} for deed in deeds
         ]
         if not rules.apply("deeds", self._state):
-            return turn
+            return
         turn = turn.on(self.order())
         self._state.moves = turn
         turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
             for i in self.cut_off(turn):
                 self._block(turn.slots[i], CLOSED)
-        return turn
 
     def refused(self, turn: TurnMoves, members: Iterable[int], rules: RuleSet) -> Iterable[tuple[int, str | None, str]]:
         """Call the rules that refuse moves and deeds, for the agents of some slots; see `Refusals.take_back`."""
@@ -429,55 +515,6 @@ class TurnEngine:
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self._state.blocked.add(slot.name, why))
 
-    def _ask(
-        self, order: TurnOrder, part: TurnPart, observers: list[Observer], paths: GamePaths | None = None
-    ) -> TurnMoves:
-        """Return the moves that the agents of a part choose; `paths` receives paths by metres.
-
-        Agents do not see each other's decisions: while a strategy runs, nothing can change, so all agents observe the
-        same state even though each observes just before it decides. If a sensor may look at more than the world, all
-        agents observe first.
-        """
-        decisions = self.decide(order, part, observers, paths)
-        blocked = self._state.blocked
-        # NOTE: no call in each turn (benchmarks: turns)
-        if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
-            self._publish(order, part, decisions)
-        ends = decisions.ends_to_write()
-        return TurnMoves(order, decisions.starts, ends, decisions.actions, decisions.moves, decisions.paths)
-
-    def decide(
-        self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer] = (), paths: GamePaths | None = None
-    ) -> Decisions:
-        """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
-        phase = self._phase
-        decisions = self._decisions.begin(order.slots, *order.begin())
-        decisions.paths = paths
-        if part.paced:
-            self._leave_closed_edges(order, part)
-            self.travel.prepare(len(order.block))
-        self.asked += 1
-        self.asked_part = order, part
-        self.is_deciding = True
-        phase.moment = object() if part.see_world_only else None
-        try:
-            sees_first = observers or not part.see_world_only
-            self._ask_part(order, part, decisions, self._observe_first(order, part, observers) if sees_first else None)
-            if decisions.awaited:
-                if self._loop is None:
-                    from gamms.game.awaiting import EventLoop  # it loads asyncio
-
-                    self._loop = EventLoop()
-                decisions.collect(self._loop)
-        except BaseException:
-            decisions.drop()
-            raise
-        finally:
-            phase.agent = None
-            phase.moment = None
-            self.is_deciding = False
-        return decisions
-
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
@@ -490,37 +527,44 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def _ask_part(self, order: TurnOrder, part: TurnPart, decisions: Decisions, seen: dict[int, Any] | None) -> None:
+    def _ask_part(self, decisions: Decisions, part: TurnPart, seen: dict[int, Any] | None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
 
         Args:
-            order: all agents.
-            part: the agents.
             decisions: collects the decisions.
+            part: the agents.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
+        for i in part.asked:
+            decisions.ask(i, None if seen is None else seen[i])
+        self._ask_plans(decisions, part, seen)
+
+    def _ask_plans(self, decisions: Decisions, part: TurnPart, seen: dict[int, Any] | None) -> None:
+        """Call the plans of the teams of a part; see `ask_part`."""
         slots = decisions.slots
-        observe = decisions.observe
-        if seen is None and part.individuals:
-            decisions.ask_each(part, self._near, order.moving)
-            self._phase.agent = None
-        else:
-            for i in part.asked:
-                decisions.ask(i, None if seen is None else seen[i])
         for commanded in part.commanded:
             if commanded.plan.arrays:
                 decisions.ask_arrays(commanded, self._ctx.seed)
             else:
                 indices = commanded.indices
-                decisions.ask_plan(commanded, [observe(slots[i]) if seen is None else seen[i] for i in indices])
+                states = [decisions.observe(slots[i]) if seen is None else seen[i] for i in indices]
+                decisions.ask_plan(commanded, states)
 
-    def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
+    def _await_answers(self, decisions: Decisions) -> None:
+        """Wait for the answers of awaitables."""
+        if self._loop is None:
+            from gamms.game.awaiting import EventLoop  # it loads asyncio
+
+            self._loop = EventLoop()
+        decisions.collect(self._loop)
+
+    def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
         travel = self._legality.travel
         slots = order.slots
         self._leave_closed_edges(order, part)
         arrivals = self._arriving(order, part)
-        turn = self._ask(order, TurnPart(slots, arrivals.begin(), self._settings), observers, arrivals.chosen)
+        turn: TurnMoves = self.ask(order, TurnPart(slots, arrivals.begin(), self._settings), observers, arrivals.chosen)
         try:
             self._set_out(turn, {}, arrivals)
             while arrivals.arrive():
@@ -528,7 +572,7 @@ class TurnEngine:
                 actions: Mapping[int, ResolvedAction] = {}
                 if arrivals.now < 1.0:
                     here = TurnPart(slots, arrivals.here, self._settings)
-                    actions = self._ask(order, here, [], arrivals.chosen).actions
+                    actions = self.ask(order, here, [], arrivals.chosen).actions
                 self._set_out(turn, actions, arrivals)
         finally:
             travel.now = 0.0
@@ -586,10 +630,14 @@ class TurnEngine:
         """Move agents on removed edges to the node that they passed last."""
         block = self._ctx.agent.block
         travel = self._legality.travel
-        for i in part.paced:
+        if not block.travellers:
+            return
+        roads = travel.roads
+        rows = order.selection.rows
+        for i in [i for i in part.paced if rows[i] in block.travellers]:
             slot = order.slots[i]
             place = block.on_edge(slot.row) if slot.travels else None
-            if place is not None and travel.roads.on(place.edge) is None:
+            if place is not None and roads.on(place.edge) is None:
                 block.set_progress(slot.row, None)
                 self._block(slot, closed_edge(place.source, place.target))
 
@@ -622,17 +670,11 @@ class TurnEngine:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen
 
-    def _resolve(self, turn: TurnMoves) -> None:
-        """Resolve conflicts, and stop the losers."""
-        stopped, places = self.lost(turn)
-        if len(stopped):
-            self._state.blocked.add_conflicts(turn.order.names, stopped, places)
-            turn.slots.show_blocked(stopped)
-
-    def lost(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
+    def stop_losers(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
         places = turn.in_core() if turn.paths is None else turn.places()
-        return turn.stop_each(self._losers(turn.order, places, turn.named))
+        losers = self._losers(turn.order, places, turn.named)
+        return turn.stop_each(losers) if len(losers) else (losers, losers)
 
     def _losers(
         self,
@@ -641,7 +683,7 @@ class TurnEngine:
         named: MovesOf,
     ) -> memoryview:
         """Return the slots of the agents that lose conflicts of moves between these places."""
-        conflicts = cast("IConflicts", self._settings.conflicts)
+        conflicts: Any = self._settings.conflicts  # there are some
         turn = self._state.turn
         try:
             return self._conflicts.losers(conflicts, order, turn, places, named, self._ctx)
@@ -649,25 +691,14 @@ class TurnEngine:
             error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise
 
-    def _apply(self, turn: TurnMoves, part: TurnPart) -> None:
-        """Write the moves of a part to the columns of the agents."""
-        order = turn.order
-        ends = turn.ends
-        block = turn.order.block
-        block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
-        order.count_moves(turn.in_core(), ends)
-        if part.paced or turn.actions:
-            self._apply_actions(turn, part, block)
-        if block.placed:
-            rows = order.selection.rows
-            block.placed.difference_update([rows[i] for i in part.members])
-        if turn.paths is not None and not (block.placed or order.has_parts or block.flyers):
-            turn.applied = block.version
-
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
+        rows = turn.order.selection.rows
+        paths = turn.paths
         for i in part.paced:
-            block.set_progress(turn.slots[i].row, turn.progress(i))
+            progress = None if paths is None else paths.progress(i)
+            if progress != block.progress[rows[i]]:
+                block.set_progress(rows[i], progress)
         for i, action in turn.actions.items():
             slot = turn.slots[i]
             if action.heading != ():

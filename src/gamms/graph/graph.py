@@ -64,6 +64,12 @@ class Graph(Surface, Guarded, IGraph):
         return self._store.revision
 
     @property
+    def revised(self) -> GraphStore:
+        """The object that counts the changes, whose `revision` is faster to read; not for strategies."""
+        self._phase.refuse("use graph.revised")
+        return self._store
+
+    @property
     def crs(self) -> str | None:
         """The coordinate reference system of x and y, for example 'EPSG:32635'; None if unknown.
 

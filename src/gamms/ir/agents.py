@@ -63,7 +63,6 @@ class AgentBlock(AgentColumns):
         progress: position on an edge for an agent on the ground; None on a node.
         graph: finds the nodes below flying agents.
         flyers: the rows of flying agents, ascending.
-        travellers: the rows of agents whose progress has a motion.
         inactive: the rows of agents that are not alive.
         placed: the rows of agents that were relocated after their move of the turn.
         removed: the rows of removed agents, until `close_up`.
@@ -72,14 +71,14 @@ class AgentBlock(AgentColumns):
         structure: the log of rows that were added, removed, died, returned, or changed team, speed, sensors or
             strategy.
         trusts_nodes: whether any integer is accepted as a node, during the replay of a recording whose map has changed.
-        under_way: positions of agents within a turn, if agents decide at arrivals.
+        version: a number that rises whenever a node, position, team or alive flag of an agent may have changed.
     """
 
     __slots__ = (
         *(name for name in BY_ROW if name not in AgentColumns.__slots__),
-        *("_have_all_changed", "_logs", "_located_revision", "_unlocated", "_version", "flyers", "games"),
-        *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows", "travellers"),
-        *("trusts_nodes", "under_way"),
+        *("_logs", "_located_revision", "_unlocated", "flyers", "games"),
+        *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows"),
+        "trusts_nodes",
     )
 
     names: list[str]
@@ -105,7 +104,7 @@ class AgentBlock(AgentColumns):
         self.placed: set[int] = set()
         self.travellers: set[int] = set()
         self.removed: list[int] = []
-        self._version = 0
+        self.version = 0
         self.journal = journal
         self.structure = StructureLog()
         self.trusts_nodes = False
@@ -141,7 +140,17 @@ class AgentBlock(AgentColumns):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return all attributes except the number views, which cannot be copied."""
-        names = {*self.__slots__, "_changed", "journal", "progress", "teams"}.difference(_NUMBERS)
+        of_core = (
+            "_changed",
+            "_have_all_changed",
+            "journal",
+            "progress",
+            "teams",
+            "travellers",
+            "under_way",
+            "version",
+        )
+        names = {*self.__slots__, *of_core}.difference(_NUMBERS)
         return {name: getattr(self, name) for name in sorted(names)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -171,7 +180,7 @@ class AgentBlock(AgentColumns):
         self.rows.enter(name)
         self.number_teams((team,))
         self.structure.note((row,))
-        self._changed.add(row)
+        self._note(row)
         if flies:
             self.flyers.append(row)
             self._unlocated.add(row)
@@ -191,7 +200,7 @@ class AgentBlock(AgentColumns):
         self.rows.enter_all(names)
         self.number_teams((team,))
         self.structure.note(rows)
-        self._changed.update(rows)
+        self._note_rows(rows)
         return first
 
     def number_teams(self, teams: Iterable[Any]) -> None:
@@ -243,13 +252,13 @@ class AgentBlock(AgentColumns):
         for which in ("_unlocated", "inactive", "placed", "travellers"):
             setattr(self, which, {row - bisect_left(gone, row) for row in getattr(self, which).difference(gone)})
         self.flyers = [*compress(count(), self.kind)] if self.flyers else []
-        self._have_all_changed = True
+        self._note_all()
 
     def succeed(self, block: AgentBlock) -> None:
         """Replace another block: use its journal, with new version numbers."""
         self.graph = block.graph
         self.journal = block.journal
-        self._version = block.version + 1
+        self.version = block.version + 1
         self.rows.version = block.rows.version + 1
         self.structure.note_all(block.structure.version)
 
@@ -258,20 +267,6 @@ class AgentBlock(AgentColumns):
         return self.rows.of(name)
 
     # -- changes ------------------------------------------------------------------------------------------------
-
-    def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
-        """Move many agents on the ground; an agent that stays keeps its previous node."""
-        if self.is_closed:
-            return
-        if 2 * len(rows.rows) > len(self.node):
-            self._have_all_changed = True
-        else:
-            self._changed |= rows.as_set
-        ends = as_ids(nodes)
-        before = rows.of(self.node) if self.is_noting else ()
-        moved = self.move_rows(rows.buffer, ends)
-        if self.is_noting and moved:
-            self._note_moves(rows, before, ends, moved)
 
     def _note_moves(self, rows: Selection, before: Sequence[int], ends: memoryview[int], moved: int) -> None:
         """Record the moves of the `moved` agents that did not stay."""
@@ -297,7 +292,7 @@ class AgentBlock(AgentColumns):
         if column == "teams":
             self.number_teams((value,))
         if _COLUMNS[column].is_watched:
-            self._changed.add(row)
+            self._note(row)
         if _COLUMNS[column].is_structure:
             self.structure.note((row,))
         if column == "node":
@@ -310,16 +305,6 @@ class AgentBlock(AgentColumns):
             event = CHANGE_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
-
-    def on_edge(self, row: int) -> Progress | None:
-        """Return the position of an agent on an edge; None on a node, or in the air."""
-        if row not in self.travellers:
-            return None
-        place_at = self.under_way.places.get(row)
-        if place_at is not None:
-            return place_at(self.under_way.time)
-        progress = self.progress[row]
-        return progress if progress is not None and progress.source == self.node[row] else None
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set the position of an agent on its edge."""
@@ -334,10 +319,10 @@ class AgentBlock(AgentColumns):
         progress = self.progress[row]
         if progress is not None and progress.motion:
             self.travellers.add(row)
-            self._changed.add(row)
+            self._note(row)
         elif row in self.travellers:
             self.travellers.discard(row)
-            self._changed.add(row)
+            self._note(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:
         """Move a flying agent to `(x, y, z)`, map units, above a node; None: above the nearest node of the graph."""
@@ -353,7 +338,7 @@ class AgentBlock(AgentColumns):
             self._unlocated.add(row)
         self.position[row] = position
         self.placed.add(row)
-        self._changed.add(row)
+        self._note(row)
         if self.is_noting:
             journal.flew(row, self.nearest(row), position)
 
@@ -372,7 +357,7 @@ class AgentBlock(AgentColumns):
                 self.structure.note((row,))
         self.number_teams((self.teams[row],))
         self._follow_progress(row)
-        self._changed.add(row)
+        self._note(row)
         if self.kind[row]:
             self._unlocated.add(row)
 
@@ -419,7 +404,7 @@ class AgentBlock(AgentColumns):
         self._unlocated.discard(row)
         if node != self.node[row]:
             self.node[row] = node
-            self._changed.add(row)
+            self._note(row)
 
     @contextmanager
     def accepting_any_node(self) -> Iterator[None]:
@@ -433,12 +418,15 @@ class AgentBlock(AgentColumns):
 
     # -- change logs --------------------------------------------------------------------------------------------
 
-    @property
-    def version(self) -> int:
-        """A number that changes whenever a node, position, team or alive flag of an agent may have changed."""
-        if self._changed or self._have_all_changed:
-            self.publish()
-        return self._version
+    def _note_rows(self, rows: Iterable[int]) -> None:
+        """Note changes of agents."""
+        self.version += 1
+        self._changed.update(rows)
+
+    def _note_all(self) -> None:
+        """Note that all agents may have changed."""
+        self.version += 1
+        self._have_all_changed = True
 
     def subscribe(self) -> ChangeLog:
         """Return a log of all later changes; its first result is that everything may have changed."""
@@ -448,7 +436,6 @@ class AgentBlock(AgentColumns):
 
     def publish(self) -> None:
         """Write the changes to the logs of all subscribers."""
-        self._version += bool(self._changed) or self._have_all_changed
         for log in self._logs:
             if self._have_all_changed:
                 log.rows = None
@@ -480,7 +467,7 @@ class AgentBlock(AgentColumns):
             self._show()
         self.team_rows = values["team_rows"].copy()
         self.placed = values["placed"].copy()
-        self._have_all_changed = True
+        self._note_all()
         self._unlocated.update(self.flyers)
         if structure is None:
             self._find_travellers()
@@ -499,7 +486,7 @@ class AgentBlock(AgentColumns):
         self.flyers = [*compress(count(), self.kind)]
         self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
-        self._have_all_changed = True
+        self._note_all()
 
 
 def as_ids(nodes: Sequence[int]) -> memoryview[int]:
@@ -545,7 +532,7 @@ class TurnPositions:
     def pass_time(self, time: float) -> None:
         """Advance the time of the turn."""
         self.time = time
-        self._block._changed |= self._departed
+        self._block._note_rows(self._departed)
         self._departed.clear()
 
     def arrive(self, row: int, node: int) -> None:
@@ -572,14 +559,14 @@ def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) 
 def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
     """Show the ground positions of agents in a game of a batch, without recording changes."""
     games.point(number)
-    block._have_all_changed = True
+    block._note_all()
 
 
 def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> None:
     """Show the current and the previous nodes of all agents, (agents,) ids by row, without recording changes."""
     np.asarray(block.node)[:] = node
     np.asarray(block.previous)[:] = previous
-    block._have_all_changed = True
+    block._note_all()
 
 
 def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gamms.core.block import INT64, gather
+from gamms.deciding import UNDECIDED, DecidePhase
 from gamms.ir.graph import IntArray
 
 Column = np.ndarray[Any, Any]
@@ -46,20 +47,23 @@ class StructureLog:
 
     Attributes:
         version: a number that increases with each recorded row.
+        phase: the phase of the context, whose epoch rises with it.
     """
 
-    __slots__ = ("_closed", "_first", "_rows", "version")
+    __slots__ = ("_closed", "_first", "_rows", "phase", "version")
 
     def __init__(self) -> None:
         self._first = 0  # version before the first entry
         self.version = 0
         self._rows: list[int | str] = []
         self._closed: list[tuple[int, list[int]]] = []  # (version, rows closed up at this version)
+        self.phase: DecidePhase = UNDECIDED
 
     def note(self, rows: Iterable[int]) -> None:
         """Record changes of these rows."""
         self._rows += rows
         self.version = self._first + len(self._rows)
+        self.phase.epoch += 1
         if len(self._rows) > _MOST_NOTED:
             self.note_all(self.version)
 
@@ -67,6 +71,7 @@ class StructureLog:
         """Record that all rows may have changed, and may have other agents, since a version."""
         self._first = version + 1
         self.version = self._first
+        self.phase.epoch += 1
         self._rows = []
         self._closed = []
 

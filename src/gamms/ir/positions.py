@@ -90,7 +90,7 @@ class Positions:
     def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
         """Return the names and `places`, which may be stored; see `noted_names`."""
         block = self.block
-        names = self.noted_names()
+        names = self._noted if self._noted_at == block.structure.version else self.noted_names()
         if block.flyers or block.travellers:
             return names, self.places
         # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
@@ -153,7 +153,8 @@ class Positions:
 
     def on_edge(self, row: int) -> Progress | None:
         """Return the position of an agent on an edge; None on a node, or in the air."""
-        return self.block.on_edge(row)
+        place: Progress | None = self.block.on_edge(row)
+        return place
 
     def subscribe(self) -> ChangeLog:
         """Return a log of agents that change their node or edge; moves along the same edge are not included."""

@@ -132,6 +132,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
+    ctx.game.internals.parts.turns.forget_plan()
     replayer = Replayer(ctx)
     past = EventHistory(reader)
     with reporting_damage(f"This game cannot go on from turn {turn}"):

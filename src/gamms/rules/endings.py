@@ -1,6 +1,7 @@
 """Rules that end games: an agent reaches its goal, time is up, or one team is left."""
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from functools import partial
 from typing import Annotated, Any, overload
 
 import numpy as np
@@ -13,7 +14,7 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import made_for
+from gamms.rules.meetings import GamePlayer, GameRule
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
@@ -89,11 +90,15 @@ def reach(
         _publish(ctx, goals)
 
     def reach(ctx: Context) -> None:
+        player(ctx)()
+
+    def play(made: GameRule, ctx: Context) -> None:
         if ctx.game.turn == 1:  # now starts are known
             _publish(ctx, goals)
-        made_for(ctx, form).play(ctx)
+        made.play(ctx)
 
     form = in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
+    player = partial(GamePlayer, form=form, play=play)
     return declared(
         reach,
         RuleSpec(
@@ -104,6 +109,7 @@ def reach(
             keeps=_PUBLISHED,
             starts_of=[goal for goal in goals.values() if isinstance(goal, str)],
             core_form=form if fits_core(score) else None,
+            player=player,
         ),
     )
 
@@ -135,11 +141,15 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         _publish(ctx, goals)
 
     def arrive(ctx: Context) -> None:
+        player(ctx)()
+
+    def play(made: GameRule, ctx: Context) -> None:
         if ctx.game.turn == 1:  # now starts are known
             _publish(ctx, goals)
-        made_for(ctx, form).play(ctx)
+        made.play(ctx)
 
     form = in_core("arrive", team, goal, points, counts_passing)
+    player = partial(GamePlayer, form=form, play=play)
     return declared(
         arrive,
         RuleSpec(
@@ -150,6 +160,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             keeps=_PUBLISHED,
             starts_of=[goal] if isinstance(goal, str) else [],
             core_form=form if fits_core(points) else None,
+            player=player,
         ),
     )
 
@@ -171,8 +182,17 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     named = _named_winner(winner)
 
     def time_limit(ctx: Context) -> None:
-        if ctx.game.turn >= last:  # NOTE: else the rule takes a twentieth of a turn of two agents (benchmarks: turns)
-            made_for(ctx, form, follows=False).play(ctx)
+        player(ctx)()
+
+    def player(ctx: Context) -> Callable[[], None]:
+        state = ctx.game.internals.state
+        end = GamePlayer(ctx, form, follows=False)
+
+        def play() -> None:
+            if state.turn >= last:  # NOTE: else the rule takes a twentieth of a turn of two agents (benchmarks: turns)
+                end()
+
+        return play
 
     form = in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
@@ -183,6 +203,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             uses_scores=winner is LEADER,
             rank=Rank.END,
             core_form=form,
+            player=player,
         ),
     )
 
@@ -202,9 +223,10 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
     reason = f"all agents of {team} arrived or were eliminated"
 
     def none_left(ctx: Context) -> None:
-        made_for(ctx, form, follows=False).play(ctx)
+        player(ctx)()
 
     form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
+    player = partial(GamePlayer, form=form, follows=False)
     return declared(
         none_left,
         RuleSpec(
@@ -212,6 +234,7 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
             uses_scores=winner is LEADER,
             rank=Rank.END,
             core_form=form,
+            player=player,
         ),
     )
 
@@ -224,10 +247,11 @@ def last_team() -> Rule:
     """
 
     def last_team(ctx: Context) -> None:
-        made_for(ctx, form, follows=False).play(ctx)
+        player(ctx)()
 
     form = in_core("last_team")
-    return declared(last_team, RuleSpec(rank=Rank.END, core_form=form))
+    player = partial(GamePlayer, form=form, follows=False)
+    return declared(last_team, RuleSpec(rank=Rank.END, core_form=form, player=player))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:

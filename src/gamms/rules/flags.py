@@ -16,7 +16,7 @@ from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, 
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
-from gamms.rules.meetings import GameRule, made_for
+from gamms.rules.meetings import GamePlayer, GameRule
 from gamms.rules.territory import Colors, Territory, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
@@ -84,10 +84,11 @@ def capture_flag(
     )
 
     def capture_flag(ctx: Context) -> None:
-        game.play(ctx, made_for(ctx, form))
+        player(ctx)()
 
     grounds = shapes_of_grounds([game.ground])
     form = in_core("capture_flag", game)
+    player = partial(GamePlayer, form=form, play=game.play)
     return declared(
         capture_flag,
         RuleSpec(
@@ -98,6 +99,7 @@ def capture_flag(
             key=game.key,
             uses_scores=True,
             core_form=form if fits_core(score) else None,
+            player=player,
             prepare_arrays=game.prepare_arrays,
             facts_of=game.facts_of if game.announce else None,
             begin_arrays=game.begin_arrays,
@@ -206,7 +208,7 @@ class _FlagRule(FlagArguments):
         state: dict[str, Any] = data[self.key]
         return state
 
-    def play(self, ctx: Context, made: GameRule) -> None:
+    def play(self, made: GameRule, ctx: Context) -> None:
         """Play a turn of one game by the rule of the core."""
         key = self.key
         game = made.makes.turn.game.state

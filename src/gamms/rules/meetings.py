@@ -17,6 +17,8 @@ from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.core.rules import Flags, Tagging
+from gamms.core.turn import MovesForRules, RuleMoves, RuleOfGame
+from gamms.deciding import phase_of
 from gamms.errors import UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
@@ -31,7 +33,7 @@ from gamms.game.block.in_core import (
 from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
+from gamms.game.movement.travel import BY_IDS, GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
@@ -208,6 +210,7 @@ class GameRules(RuleBuilder):
 
     Attributes:
         most_numbers: the number of nodes for which tables of the rules have room.
+        kept: key -> rule; see `made_for`.
     """
 
     def __init__(self, turn: "TurnContacts", pieces: core.MotionIntervals) -> None:
@@ -224,22 +227,20 @@ class GameRules(RuleBuilder):
         self.pieces = pieces
         self.rules = []
         self.most_numbers = turn.game.keys
-        self._made: dict[Hashable, GameRule] = {}
+        self.kept: dict[Hashable, GameRule] = {}
         self._making: GameRule | None = None
         self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
         self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
 
     def made(self, form: Form, key: Hashable) -> "GameRule":
-        """Return the rule of a form; `key`: see `made_for`."""
-        known = self._made.get(key)
-        if known is None:
-            if len(self._made) == _MOST_RULES:
-                self._made.clear()
-            known = GameRule(self, form)
-            self._making = known
-            known.rule = form(self)
-            if key is not None:
-                self._made[key] = known
+        """Make the rule of a form, and keep it; `key`: see `made_for`."""
+        if len(self.kept) == _MOST_RULES:
+            self.kept.clear()
+        known = GameRule(self, form)
+        self._making = known
+        known.rule = form(self)
+        if key is not None:
+            self.kept[key] = known
         return known
 
     def draw_by(self, seed: int) -> None:
@@ -351,7 +352,7 @@ class GameRules(RuleBuilder):
         self._making.in_each_turn.append(function)
 
 
-class GameRule:
+class GameRule(RuleOfGame):
     """A shipped rule in one game.
 
     Args:
@@ -359,28 +360,21 @@ class GameRule:
         form: builds it.
 
     Attributes:
-        rule: the rule in the core.
         kept: its memory: name -> array (1, …); the caller fills it before each turn.
         carriers: the names of agents that carried a flag and were deleted, by the number of the flag.
-        in_each_turn: functions of the context that are called before each turn.
         read: the state of the rule that `kept` holds.
     """
 
-    rule: Any  # `Rule`, or `Tagging` for contacts alone
-
     def __init__(self, makes: GameRules, form: Form) -> None:
+        super().__init__(makes.events)
         self.makes = makes
         self.form = form  # its id must not be used again
         self.kept: Arrays = {}
         self.carriers: Sequence[Any] = ()
-        self.in_each_turn: list[Callable[[Context], object]] = []
         self.read: object = None
 
-    def play(self, ctx: Context) -> list[tuple[str, str, int]]:
-        """Apply the rule to the game; return the kind, the agent and the flag of each event."""
-        rules.play(self.rule, 0)
-        if not self.makes.events.count:
-            return []
+    def tell(self, ctx: Context) -> list[tuple[str, str, int]]:
+        """Do in the context what the core has done; return the kind, the agent and the flag of each event."""
         turn = self.makes.turn
         turn.game.forget()
         turn.roster.stops[:] = turn.roster.no_stops
@@ -423,7 +417,7 @@ class GameRule:
         return told
 
 
-class TurnContacts:
+class TurnContacts(RuleMoves):
     """The paths of the agents of one game in a turn, contacts between them, and the rules that the core plays.
 
     Args:
@@ -433,7 +427,6 @@ class TurnContacts:
 
     Attributes:
         game, roster, are_steps: see the arguments.
-        numbers: numbers of the nodes of the map.
         by_metres: whether positions are in metres along edges.
         most, columns: capacity and columns of tracks, for `core.Tracks`: nodes, times and lengths.
         steps: the paths in these columns.
@@ -442,18 +435,16 @@ class TurnContacts:
         purpose: purpose key of the draws.
     """
 
+    game: "GameContacts"
+
     def __init__(self, game: "GameContacts", roster: Roster, *, are_steps: bool) -> None:
-        self.game = game
-        self.numbers = game.numbers
+        rows: Any = roster.rows.data
+        super().__init__(game, roster.games, rows, column("q"))
         self.roster = roster
         self.are_steps = are_steps
         self.by_metres: bool = not are_steps and game.by_metres
         self.purpose = column("Q", [0])
         self.seed: int | None = None
-        self._seeds = -1  # how often the seed had changed when draws were last derived from it
-        self._order: TurnOrder | None = None
-        self._slots: Any = column("q")  # (agents,) the slot of each agent in this order
-        self._rules: GameRules | None = None
         self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
         self._moves: TurnMoves | None = None
         self._make_room(2, 0)
@@ -469,47 +460,32 @@ class TurnContacts:
         self._flags = _zeros("q", size * most_legs)
         ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(4)], self._flags]
         self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
-        self._rules = None
+        self.rules = None
 
     def draw_by(self, ctx: Context, seeds: int) -> None:
         """Use the random draws of the present seed, which has changed `seeds` times."""
-        if self._seeds != seeds:
-            self._seeds = seeds
-            self.seed = ctx.seed
-            self.purpose[0] = kernels.purpose_key(ctx.seed, "contacts")
-            if self._rules is not None:
-                self._rules.draw_by(ctx.seed)
+        self.seeds = seeds
+        self.seed = ctx.seed
+        self.purpose[0] = kernels.purpose_key(ctx.seed, "contacts")
+        if self.rules is not None:
+            self.rules.draw_by(ctx.seed)
 
-    def made(self, ctx: Context, form: Form, key: Hashable) -> GameRule:
-        """Return the rule of a form, ready to be played."""
-        game = self.game
-        numbers = self.numbers
-        while True:
-            known = self._rules
-            has_room = known is not None and known.pieces is game.pieces and game.streets.count <= game.keys
-            if known is None or not has_room or numbers.count > known.most_numbers:
-                known = GameRules(self, self.scratch())
-                self._rules = known
-            found = known.made(form, key)
-            for function in found.in_each_turn:
-                function(ctx)
-            if numbers.count <= known.most_numbers:  # no further nodes were numbered
-                return found
+    def renew_rules(self) -> None:
+        """Make the rules again, with more room."""
+        self.rules = GameRules(self, self.scratch())
 
-    def take_steps(self, moves: TurnMoves, block: AgentBlock) -> None:
-        """Take the moves of agents along at most one edge."""
-        roster = self.roster
-        order = moves.order
-        if order is not self._order:
-            slots = np.full(len(block), -1)
-            slots[order.selection.array] = np.arange(len(order.slots))
-            self._order = order
-            self._slots = slots[roster.rows].data
-        rules.take_moves(roster.games, self.numbers, moves.in_core(), block, roster.rows.data, self._slots)
+    def slots_of(self, order: TurnOrder, block: AgentBlock) -> Any:
+        """Return the slot of each agent in an order, (agents,); -1: it has none."""
+        slots = np.full(len(block), -1)
+        slots[order.selection.array] = np.arange(len(order.slots))
+        return slots[self.roster.rows].data
+
+    def note_placed(self, block: AgentBlock) -> None:
+        """Note the agents that were relocated after their moves."""
         for row in block.placed:
-            agent = roster.number.get(block.names[row])
+            agent = self.roster.number.get(block.names[row])
             if agent is not None:
-                roster.placed[agent] = 1
+                self.roster.placed[agent] = 1
 
     def follow(self, ctx: Context) -> None:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""
@@ -519,7 +495,11 @@ class TurnContacts:
         self.roster.take_nodes(ctx.agent.block, self.numbers)
         self._moves = moves
         if moves is not None and moves.are_latest(ctx.agent.block):
-            self._where = {number[name]: _path_of(moves, i) for i, name in enumerate(moves.order.names)}
+            maps = moves.paths.maps
+            self._where = {
+                number[name]: moves.track(i) if maps[i] is None or maps[i] is BY_IDS else i
+                for i, name in enumerate(moves.order.names)
+            }
         else:
             self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
         most_legs, most = (0, 2) if paths is None else paths.most
@@ -533,7 +513,7 @@ class TurnContacts:
             if isinstance(where, Track):
                 self._put_track(agent, where)
             elif paths is not None:
-                slots, agents = by_roads.setdefault(cast("RoadIds", paths.maps[where]), ([], []))
+                slots, agents = by_roads.setdefault(paths.maps[where], ([], []))
                 slots.append(where)
                 agents.append(agent)
         for roads, (slots, agents) in by_roads.items():
@@ -637,7 +617,7 @@ def search_for(near: Near, nearness: ContactOptions, *, by_metres: bool) -> int:
     return core.SEARCHES["near places" if isinstance(near, core.NodePositions) else "on lines"]
 
 
-class GameContacts:
+class GameContacts(MovesForRules):
     """Cached data about contacts in one game: its map, the last turn, and buffers.
 
     The buffers are as large as the largest turn so far has needed.
@@ -648,29 +628,25 @@ class GameContacts:
 
     Attributes:
         edges: edges that agents have moved along.
-        graph, revision: the map and its revision.
-        state: state of the game.
-        numbers: the argument `numbers`.
+        graph: the map.
         by_metres: whether positions are in metres along edges.
         place: node id -> position of the node on the ground.
         lines: the polylines of edges, by their numbers; see `add_lines`.
         near: unit and limit of a `ContactOptions` -> nodes near each node.
-        pieces: the present buffers.
-        keys: number of keys that fit in the buffers.
     """
 
+    pieces: core.MotionIntervals
+
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
-        self.pieces = motion_intervals(0, 0)
-        self.keys = 0
-        self._most = 0
-        self.numbers = numbers
-        self.streets = core.NodeNumbers()
-        self.state = ctx.game.internals.state
-        self._parts = ctx.game.internals.parts.turns
         self.edges = TraveledEdges(ctx)
         graph = self.edges.graph
+        parts = ctx.game.internals.parts
+        revised = getattr(graph, "revised", graph)
+        super().__init__(phase_of(ctx), parts.state, parts.turns, numbers, revised, graph.revision)
+        self.pieces = motion_intervals(0, 0)
+        self._most = 0
         self.graph = graph
-        self.revision = graph.revision
+        self._engine = parts.turns
         self._changes = _road_changes(ctx)
         self.place = cache(self._place)
         self.lines = core.Polylines()
@@ -684,9 +660,6 @@ class GameContacts:
         self.by_metres = ctx.game.speed_unit != "edges"
         self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and its version
         self._turns: list[TurnContacts] = []  # of any moves, and of steps; empty: not made
-        self._turn: TurnContacts | None = None
-        self._moves: TurnMoves | None = None  # the moves and versions of the present turn
-        self._versions = 0, 0, 0
 
     def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
@@ -731,6 +704,8 @@ class GameContacts:
 
     def follow_roads(self) -> bool:
         """Take the roads that were closed, opened or removed since the last call; return False if more has changed."""
+        if self.revision == self.graph.revision:
+            return True
         changed = self._ctx.graph.storage.changed_roads(self._changes)
         if changed is None:
             return False
@@ -752,49 +727,43 @@ class GameContacts:
             self.numbers.write(columns.node_ids.data, self._numbers.data)
         return self.numbers.count
 
-    def turns(self, ctx: Context) -> list[TurnContacts]:
-        """Return the contact queries for any moves of the present agents, and for moves along one edge each."""
-        turns = self._turns
+    def any_moves(self, ctx: Context) -> TurnContacts:
+        """Return the present agents, for rules that do not depend on how they have moved."""
+        self.begin(ctx)
+        return self._turns[1]
+
+    def take_agents(self, ctx: Context) -> None:
+        """Take the present agents."""
         block = ctx.agent.block
+        self.epoch = self.phase.epoch
         agents = block, block.structure.version
-        if self._agents != agents:
-            roster = turns[0].roster if turns else None
-            ctx.game.internals.parts.turns.note_departed()
-            gone = dict.fromkeys(team for team, _ in self.state.departed.values())
-            if roster is None or not roster.is_of(block, gone):
-                roster = Roster(block, gone, roster)
-                turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
-                self._turns = turns
-            roster.take_lives(block)
-            self._agents = agents
-            self.forget()
-        turns[0].roster.turn[0] = self.state.turn
-        return turns
+        if agents == self._agents:
+            return
+        self._agents = agents
+        roster = self._turns[0].roster if self._turns else None
+        self._engine.note_departed()
+        gone = dict.fromkeys(team for team, _ in self.state.departed.values())
+        if roster is None or not roster.is_of(block, gone):
+            roster = Roster(block, gone, roster)
+            self._turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
+            self.turn_number = roster.turn
+        roster.take_lives(block)
+        self.block = block
+        self.forget()
 
     def forget(self) -> None:
         """Take the moves of the turn again when they are read."""
-        self._turn = None
+        self.now = None
 
-    def turn(self, ctx: Context) -> TurnContacts:
-        """Return the contact queries for this turn."""
-        state = self.state
-        block = ctx.agent.block
-        moves: TurnMoves | None = state.moves
-        turns = self.turns(ctx)
-        versions = block.version, state.turn, self._parts.seed_changes
-        # NOTE: before agents are moved, rules may undo their moves without changing a version.
-        is_known = moves is self._moves and versions == self._versions and not self._parts.is_moving
-        if self._turn is None or not is_known:
-            self._moves = moves
-            self._versions = versions
-            are_steps = moves is not None and moves.are_steps(block)
-            self._turn = turns[are_steps]
-            if moves is not None and are_steps:
-                self._turn.take_steps(moves, block)
-            else:
-                self._turn.follow(ctx)
-        self._turn.draw_by(ctx, self._parts.seed_changes)
-        return self._turn
+    def follow_moves(self, ctx: Context, moves: TurnMoves | None) -> TurnContacts:
+        """Take the moves of the turn; return its contact queries."""
+        any_moves, steps = self._turns
+        block: Any = self.block
+        if moves is not None and moves.are_steps(block):
+            steps.take_steps(moves, block)
+            return steps
+        any_moves.follow(ctx)
+        return any_moves
 
 
 def _road_changes(ctx: Context) -> tuple[int, int]:
@@ -866,7 +835,8 @@ class RoadCosts:
 
 def turn_of(ctx: Context) -> TurnContacts:
     """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
-    return _game_of(ctx).turn(ctx)
+    turn: TurnContacts = _game_of(ctx).turn(ctx)
+    return turn
 
 
 def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = True) -> GameRule:
@@ -879,22 +849,58 @@ def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
         follows: whether the rule depends on how agents have moved.
     """
     game = _game_of(ctx)
-    turn = game.turn(ctx) if follows else game.turns(ctx)[1]
-    return turn.made(ctx, form, id(form) if key is None else key)
+    turn: TurnContacts = game.turn(ctx) if follows else game.any_moves(ctx)
+    found: GameRule = turn.made(ctx, form, id(form) if key is None else key)
+    return found
+
+
+class GamePlayer:
+    """Plays a shipped rule in the game of a context, by calling it.
+
+    Args:
+        ctx: the context.
+        form: builds the rule.
+        play: called with the rule of the core and the context; by default the rule is played as it is.
+        follows: whether the rule depends on how agents have moved.
+    """
+
+    __slots__ = ("_ctx", "_follows", "_form", "_game", "_key", "_play")
+
+    def __init__(
+        self,
+        ctx: Context,
+        form: Form,
+        play: Callable[[GameRule, Context], object] = GameRule.play,
+        *,
+        follows: bool = True,
+    ) -> None:
+        self._ctx = ctx
+        self._form = form
+        self._key = id(form)
+        self._play = play
+        self._follows = follows
+        self._game: GameContacts | None = None
+
+    def __call__(self) -> None:
+        """Play a turn."""
+        ctx = self._ctx
+        game = self._game
+        if game is None or not game.is_of_map():
+            game = _game_of(ctx)
+            self._game = game
+        turn: TurnContacts = game.turn(ctx) if self._follows else game.any_moves(ctx)
+        self._play(turn.made(ctx, self._form, self._key), ctx)
 
 
 def _game_of(ctx: Context) -> GameContacts:
     internals = ctx.game.internals
-    graph = ctx.graph.graph
     known: GameContacts | None = internals.kept.get("contacts")
-    by_metres = ctx.game.speed_unit != "edges"
-    if known is None or known.graph is not graph or known.by_metres != by_metres:
-        is_of_map = False
-    else:
-        is_of_map = known.revision == graph.revision or known.follow_roads()
-    if known is None or not is_of_map:
-        numbers = node_numbers(graph.columns()) if known is None else known.numbers
-        known = GameContacts(ctx, numbers)
+    if known is None or not known.is_of_map():
+        graph = ctx.graph.graph
+        by_metres = ctx.game.speed_unit != "edges"
+        if known is not None and known.graph is graph and known.by_metres == by_metres and known.follow_roads():
+            return known
+        known = GameContacts(ctx, node_numbers(graph.columns()) if known is None else known.numbers)
         internals.kept["contacts"] = known
     return known
 

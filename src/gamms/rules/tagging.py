@@ -1,6 +1,7 @@
 """Tagging: an agent that meets a tagger is respawned, eliminated, or passed to a function; and respawn of agents."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
@@ -18,7 +19,7 @@ from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import Side, made_for
+from gamms.rules.meetings import GamePlayer, GameRule, Side
 from gamms.rules.territory import Territory, TerritorySource, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
@@ -109,9 +110,10 @@ class _TagRule(NamedTuple):
 
 def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
     def tag(ctx: Context) -> None:
-        made_for(ctx, form).play(ctx)
+        player(ctx)()
 
     form = in_core("tag", taggings)
+    player = partial(GamePlayer, form=form)
     return declared(
         tag,
         RuleSpec(
@@ -123,6 +125,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             parts=taggings,
             finds=[(*tagging.sides, tagging.nearness, tagging.ground) for tagging in taggings],
             core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
+            player=player,
             uses_scores=True,
             needs_ground=any(tagging.nearness.unit == "euclid" for tagging in taggings),
             reads=record({}, shapes_of_grounds(tagging.ground for tagging in taggings)),
@@ -166,10 +169,12 @@ def respawn(
     key = " ".join(["respawn", *map(str, named)])
 
     def respawn(ctx: Context) -> None:
+        player(ctx)()
+
+    def play(made: GameRule, ctx: Context) -> None:
         state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
         if not (state["out"] or ctx.agent.block.inactive):
             return
-        made = made_for(ctx, form, follows=False)
         roster = made.makes.roster
         for name, values in memory(state, roster).items():
             made.kept[name][:] = values
@@ -193,6 +198,7 @@ def respawn(
         return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
 
     form = in_core("respawn", key, those, wait, most)
+    player = partial(GamePlayer, form=form, play=play, follows=False)
     return declared(
         respawn,
         RuleSpec(
@@ -202,6 +208,7 @@ def respawn(
             brings_back=True,
             disclose=all_know("respawns", key),
             core_form=form,
+            player=player,
             begin_arrays=begin_arrays,
             show_arrays=show_arrays,
             keeps=at(("respawns", key), record({"out": _COUNTS, "times": _COUNTS})),

@@ -72,7 +72,7 @@ class DetectionModel(Guarded):
         if name[0] != "_":
             if name == "detection":
                 self._chance = _chance_of(self.detection)
-            self._phase.sensor_changes += 1
+            self._phase.change_sensors()
             self._reports_all = self.team is None and self.exclude is None and not self.needs_look
 
     @property
@@ -197,7 +197,7 @@ class DetectingSensor(Sensor):
         """The detection settings: team filter, probability and errors."""
         if self._notice is None:  # NOTE: created on demand, so that a look touches less memory (see `NearbyAgents`)
             self._notice = DetectionModel(self.sensor_id, self._phase)
-            self._phase.sensor_changes += 1  # from now on it counts its looks
+            self._phase.change_sensors()  # from now on it counts its looks
         return self._notice
 
     def in_arrays(self) -> AgentLook | None:

@@ -179,7 +179,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
             for name in [name for name, one in carried.items() if one is sensor]:
                 agent.deregister_sensor(name)
         del self._sensors[sensor_id]
-        self._phase.sensor_changes += 1
+        self._phase.change_sensors()
         forget_delayed(self.ctx, sensor_id)
 
     def get_sensor(self, sensor_id: str) -> ISensor:
@@ -224,7 +224,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
 
     def _keep(self, sensor: ISensor) -> None:
         self._sensors[sensor.sensor_id] = sensor
-        self._phase.sensor_changes += 1
+        self._phase.change_sensors()
 
     def _refuse_name(self, sensor_id: str) -> None:
         if self.ctx.is_terminated():
@@ -296,7 +296,7 @@ class SensorStorage(Guarded):
         """Restore the sensors; with `forget`, clear all sensed data, also of custom classes."""
         if self._settings() is not before.settings:
             self.restore_keywords(before)
-            self._phase.sensor_changes += 1
+            self._phase.change_sensors()
             self.show(before.settings)
             for sensor in before.settings.simple:
                 if not _is_simple(sensor):

@@ -1,6 +1,6 @@
 """Sensors on the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and their occluded variants."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import pi
@@ -213,9 +213,11 @@ class MapSensor(GroundSensor):
         last[1] = (place, radius, fov, heading)
 
     @refused_while_deciding
-    def shared_look(self) -> sight.NodeViews:
-        """Return the views shared by sensors that look alike, valid while agents decide."""
-        return sight.NodeViews(self._memory.views.known(self.range), (self.range, self.fov, ALL_AROUND))
+    def shared_look(self) -> Callable[[], sight.NodeViews]:
+        """Return a function that returns the views shared by sensors that look alike, valid while agents decide."""
+        views = self._memory.views
+        view = self.range, self.fov, ALL_AROUND
+        return lambda: sight.NodeViews(views.known(view[0]), view)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
@@ -354,9 +356,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return super().looks_alike if self._notice is None or self._notice.reports_all else None
 
     @refused_while_deciding
-    def shared_look(self) -> sight.RangeSearch | None:
-        """Return a search for agents that sensors which look alike share while agents decide; None if there is none."""
-        return self._memory.nearby.shared_look(self.range)
+    def shared_look(self) -> Callable[[], sight.RangeSearch | None]:
+        """Return a function that returns a search for agents, which sensors that look alike share while agents decide.
+
+        It returns None if there is none.
+        """
+        return partial(self._memory.nearby.shared_look, self.range)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are indices in `names`. `data` is unchanged."""

@@ -86,8 +86,9 @@ class NearbyAgents:
         self._version = 0  # of these
         self._moment: object = None  # the moment at which the index was last checked
         self._revision: int | None = None  # of the graph
-        # (block, version, graph revision) of the last full update, if all agents were on nodes
-        self._entered: tuple[AgentBlock, int, int | None] | None = None
+        # (epoch, graph revision) of the last full update, if all agents were on nodes
+        self._entered: tuple[int, int | None] | None = None
+        self._entered_block: AgentBlock
         self.places_of_nodes = NodePositions(ctx)
         self._agents = sight.AgentPositions(self.places_of_nodes)
         self._sights: dict[float, sight.RangeSearch] = {}
@@ -167,8 +168,10 @@ class NearbyAgents:
         """Update the index if agents have only moved to nodes since; return whether this was possible."""
         # NOTE: called first in each turn (benchmarks: turns).
         graph = self._graph
-        block = self._ctx.agent.positions.block
-        if graph is None or (block, block.structure.version, graph.revision) != self._entered or block.travellers:
+        if graph is None or self._entered != (self._phase.epoch, graph.revision):
+            return False
+        block = self._entered_block
+        if block.travellers:
             return False
         if self._agents.follow(block):
             for one in self._sights.values():
@@ -257,7 +260,8 @@ class NearbyAgents:
         self._moment = moment
         block = positions.block
         is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
-        self._entered = (block, block.structure.version, revision) if is_plain else None
+        self._entered = (self._phase.epoch, revision) if is_plain else None
+        self._entered_block = block
         return positions
 
     def _enter_all(self, positions: Positions, *, is_new: bool) -> None:

@@ -104,7 +104,8 @@ class Sensor(ContextPart, ISensor):
                 raise FixedType(f"The type of sensor {self.sensor_id!r} cannot be set: create another sensor.")
             if name in ATTRIBUTES_OF and self._is_ours:
                 self._warn_of_keyword(name)
-            self._phase.sensor_changes += name != "data"
+            if name != "data":
+                self._phase.change_sensors()
             check = self._CHECKS.get(name)
             value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
         object.__setattr__(self, name, value)

@@ -608,7 +608,7 @@ def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
     def call(ctx: HostContext) -> None:
         rule(ctx)
 
-    return declared(call, replace(rule_spec_of(rule), core_form=None))
+    return declared(call, replace(rule_spec_of(rule), core_form=None, player=None))
 
 
 class PastPlaces(NamedTuple):

@@ -327,6 +327,7 @@ class Cursor:
         values.has_begun = False
         values.began = {}
         values.last_turn = None
+        self._turns.forget_plan()
         values.stream_version += 1  # slots have memories and draws of games of the batch
         turns.is_playing = False
         turns.is_moving = False
@@ -553,6 +554,7 @@ class Cursor:
 
     def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents that live now; they may know the same facts or not."""
+        self._turns.forget_plan()  # facts may be private in this game
         return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
 
     def _order_of(self, population: Population, took_part: BoolArray) -> TurnOrder:
@@ -743,7 +745,7 @@ class Cursor:
 
     def _give_way(self) -> None:
         moves = self._read_field("moves")
-        for i, end in zip(*self._turns.lost(moves), strict=True):
+        for i, end in zip(*self._turns.stop_losers(moves), strict=True):
             agent = self._number_of[moves.slots[i].name]
             self._hold(agent)
             self._core.note_conflict(self._number, agent, end)
@@ -1173,7 +1175,7 @@ class Cursor:
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
         turns.travel.now = self._state.movement.now[number].item()
-        decisions = turns.decide(self._living.order, asked.part)
+        decisions: Decisions = turns.decide(self._living.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
         self._marks[number] = _StreamPositions(
             known.streams | streams, [notice.mark() for notice in self._cached.notices]

@@ -67,6 +67,7 @@ def per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
         parts=(),
         array_form=None,
         core_form=None,
+        player=None,
         prepare_arrays=None,
         facts_of=None,
         begin_arrays=None,

@@ -12,6 +12,7 @@ import numpy as np
 from gamms.core import travel as core
 from gamms.core.agents import MoveColumns
 from gamms.core.block import stop_moves
+from gamms.core.turn import TurnMovesInCore
 from gamms.game.movement.travel import GamePaths, ResolvedAction, Travel
 from gamms.game.order import TurnOrder
 from gamms.ir.agents import AgentBlock, moves_of
@@ -62,7 +63,7 @@ class Refusals:
                 yield i, kind, f"{kind}: {'; '.join(sorted(reasons))}"
 
 
-class TurnMoves:
+class TurnMoves(TurnMovesInCore):
     """The moves of one turn by slot, and by name for rules and resolvers.
 
     Args:
@@ -78,30 +79,11 @@ class TurnMoves:
         applied: the version of the block when these moves were made, by agents with paths; -1: not known.
     """
 
-    __slots__ = ("_by_name", "_moves", "actions", "applied", "ends", "order", "paths", "slots", "starts")
-
-    def __init__(
-        self,
-        order: TurnOrder,
-        starts: memoryview,
-        ends: memoryview,
-        actions: dict[int, ResolvedAction],
-        moves: MoveColumns | None = None,
-        paths: GamePaths | None = None,
-    ) -> None:
-        self.order = order
-        self.starts = starts
-        self.ends = ends
-        self.actions = actions
-        self._moves = moves
-        self.paths = paths
-        self.slots = order.slots
-        self.applied = -1
-        self._by_name: dict[str, Move] | None = None
+    __slots__ = ()
 
     def in_core(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
-        return moves_of(self.starts, self.ends) if self._moves is None else self._moves
+        return moves_of(self.starts, self.ends) if self.columns is None else self.columns
 
     @property
     def deeds(self) -> list[Deed]:
@@ -128,17 +110,6 @@ class TurnMoves:
         order.slots = self.slots.of_agents(agents, twin_of)
         return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths)
 
-    def are_steps(self, block: AgentBlock) -> bool:
-        """Return whether all living agents took part on the ground, each along at most one edge."""
-        order = self.order
-        if block.travellers or order.whole.on_ground is not None:
-            return False
-        if order.structure_version != block.structure.version:
-            has_same_rows = order.rows_version == block.rows.version and not block.removed
-            if order.structure_version < 0 or not has_same_rows:
-                return False
-        return self.paths is None or all(roads is None for roads in self.paths.maps)
-
     def are_latest(self, block: AgentBlock) -> bool:
         """Return whether all living agents are where these moves have brought them, along paths."""
         is_same = self.order.block is block and self.order.structure_version == block.structure.version
@@ -146,9 +117,9 @@ class TurnMoves:
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, for agents on the ground, in the order of names."""
-        if self._by_name is None:
-            self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
-        return self._by_name
+        if self.by_names is None:
+            self.by_names = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
+        return self.by_names
 
     def named(self, indices: list[int]) -> dict[str, Move]:
         """Return agent -> its move, for the slots `indices`."""
@@ -185,14 +156,14 @@ class TurnMoves:
 
     def slot_of(self, agent: IAgent) -> int | None:
         """Return the slot of an agent; None: it has none, or is not where its move has ended."""
-        i = self.order.index_of.get(agent.name)
+        i: int | None = self.order.index_of.get(agent.name)
         if i is None or self.ends[i] != agent.current_node_id or self.slots[i].agent is not agent or self.was_put(i):
             return None
         return i
 
     def track(self, i: int) -> Track:
         """Return the nodes, times and legs of the move of a slot."""
-        track = None if self.paths is None else self.paths.track(i)
+        track: Track | None = None if self.paths is None else self.paths.track(i)
         if track is not None:
             return track
         start = self.starts[i]
@@ -239,7 +210,7 @@ class TurnMoves:
             wanted = [(i, ends[i]) for i in losers]  # before `stop` changes the ends
             stopped = [(i, end) for i, end in wanted if self.stop(i)]
             return [i for i, _ in stopped], [end for _, end in stopped]
-        self._by_name = None
+        self.by_names = None
         slots = memoryview(array("q", losers.tobytes()))
         nodes = memoryview(array("q", losers.tobytes()))
         count = stop_moves(self.starts, self.ends, self.order.blocked.data, losers, slots, nodes)
@@ -250,7 +221,7 @@ class TurnMoves:
         nodes = self.order.nodes()
         self.starts = copied_column(self.starts)
         self.ends = copied_column(self.ends)
-        self._moves = None
+        self.columns = None
         began_on = [] if self.paths is None else [i for i in range(len(nodes)) if self.paths.begun(i) is not None]
         left = {i for i in began_on if block.on_edge(self.slots[i].row) is None}
         for i in left.union(compress(count(), map(ne, self.starts, nodes))):
@@ -270,7 +241,7 @@ class TurnMoves:
         action = self.actions.get(i)
         if action is not None:
             self.actions[i] = action._replace(position=None)
-        self._by_name = None
+        self.by_names = None
 
     def progress(self, i: int) -> Progress | None:
         """Return the position of the agent of a slot on an edge when its move ends; None: it is on a node."""
@@ -280,9 +251,10 @@ class TurnMoves:
 
     def let_stand(self, paced: Iterable[int], travel: Travel) -> None:
         """Let agents of slots stand that are on an edge, and do not act in this part of the turn."""
-        for i in paced:
+        maps = None if self.paths is None else self.paths.maps
+        for i in paced if maps is None else [i for i in paced if maps[i] is None]:
             slot = self.slots[i]
-            place = travel.place(slot.row) if slot.travels and not self.has_path(i) else None
+            place = travel.place(slot.row) if slot.travels else None
             if place is not None and travel.roads.on(place.edge) is not None:
                 travel.stay(place, self.starts[i])
                 self.paths = self.paths or GamePaths(len(self.slots))
@@ -328,7 +300,7 @@ class TurnMoves:
             if paths.maps[i] is None and self.starts[i] != self.ends[i]:
                 paths.walk(i, (self.starts[i], self.ends[i]))
             paths.go_in_part(i, number, parts)
-        self._by_name = None
+        self.by_names = None
 
     def then(self, later: "TurnMoves", part: int) -> None:
         """Add the moves of a later part of the turn; both have the same order."""
@@ -350,8 +322,8 @@ class TurnMoves:
             ends[i] = later.starts[i]
         self.starts = starts
         self.ends = ends
-        self._moves = None
-        self._by_name = None
+        self.columns = None
+        self.by_names = None
 
     def _take_path(self, i: int, paths: GamePaths | None, other: int) -> None:
         """Let the agent of a slot have the path of another slot in other paths."""

@@ -106,7 +106,7 @@ class RoadIds:
         self.ids = ids
         self.map = map
         self.revision = revision
-        self.edge_ids = EdgeIds(columns)
+        self.edge_ids: Any = EdgeIds(columns)
         self.edges: Any = np.ascontiguousarray(columns.edge_ids, np.int64).data
 
 
@@ -158,7 +158,7 @@ def _cut(kind: type[np.number[Any]], sizes: Sequence[int]) -> list[Any]:
     return [memory[end - size : end] for end, size in zip(ends, sizes, strict=True)]
 
 
-class GamePaths:
+class GamePaths(core.PathsBySlot):
     """The paths of the agents of one game through a turn, by slot.
 
     Args:
@@ -172,7 +172,7 @@ class GamePaths:
     """
 
     def __init__(self, agents: int, most: int = _FIRST_ROOM) -> None:
-        self.maps: list[RoadIds | None] = [None] * agents
+        super().__init__(agents, Progress, _MOTIONS)
         self._make_room(most)
 
     def _make_room(self, most: int) -> None:
@@ -190,20 +190,6 @@ class GamePaths:
         self._of_legs = views[10:16]
         self._nodes = views[16]
         self._times = views[17]
-
-    def take(self, i: int, paths: core.TurnPaths, row: int, room: int, roads: RoadIds | None) -> None:
-        """Copy the path of an agent from other paths.
-
-        Args:
-            i: its slot.
-            paths: the other paths,
-            row: and its row there.
-            room: a number that is not less than the number of its legs, and of nodes beyond the first.
-            roads: the ids of the map.
-        """
-        self.reserve(room)
-        core.copy_trip(paths, row, self.core, i)
-        self.maps[i] = roads
 
     def drop(self, slots: Iterable[int]) -> None:
         """Drop the paths of some agents."""
@@ -275,6 +261,10 @@ class GamePaths:
         if self.maps[i] is not None and (self._legs[i] or self._passed[i] > 1):
             core.go_in_part(self.core, i, part, parts)
 
+    def are_steps(self) -> bool:
+        """Return whether no agent has a path here."""
+        return all(roads is None for roads in self.maps)
+
     def is_on_roads(self, i: int) -> bool:
         """Return whether an agent has a path by metres."""
         return self.maps[i] is not None and self.maps[i] is not BY_IDS
@@ -299,16 +289,6 @@ class GamePaths:
         if self.maps[i] is None or not core.begins_on_edge(self.core, i):
             return None
         return self.legs_of(i)[0]
-
-    def progress(self, i: int) -> Progress | None:
-        """Return the position of an agent on an edge when its path ends; None: it is on a node."""
-        roads = self.maps[i]
-        if roads is None or self._share[i] == 0.0:
-            return None
-        if roads is BY_IDS:
-            return Progress(self._node[i], self._edge[i], self._share[i])
-        source, target, id = roads.edge_ids[self._edge[i]]
-        return Progress(source, target, self._share[i], id, _MOTIONS[self._motion[i]])
 
     def track(self, i: int) -> Track | None:
         """Return the track of an agent; None: it has no path."""
@@ -382,6 +362,7 @@ class _NodeIds(RoadIds):
     def __init__(self) -> None:
         ids: Any = _SameIds()
         self.ids = ids
+        self.edge_ids = None
 
 
 BY_IDS = _NodeIds()
@@ -646,6 +627,7 @@ class Travel(TravelSearch):
             seconds = graph.weights(settings.weight) if has_speeds else None
             roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
             self._roads = roads
+            self.found_on = roads
             self._key = key
             roads.search(self)
             self._make_room(len(roads.ids) + _MORE_LEGS)
@@ -661,11 +643,6 @@ class Travel(TravelSearch):
         return place
 
     # -- moves ----------------------------------------------------------------------------------------------------
-
-    def put(self, paths: GamePaths, i: int) -> None:
-        """Add the path to those of a game, as the path of the agent of a slot."""
-        assert self._roads is not None  # noqa: S101 - a path was found
-        paths.take(i, self._trips, 0, self._legs[0], self._roads)
 
     def stay(self, place: Progress | None, here: int) -> None:
         """Find the path of an agent that stops at its position, on an edge or a node."""
