@@ -103,6 +103,12 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         self._rng: Generator | None = None
         self._game: Game | None = None
 
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute; another engine has other agents or another map."""
+        super().__setattr__(name, value)
+        if name.endswith("_engine"):
+            self._phase.epoch += 1
+
     @property
     def agent(self) -> "agent.AgentEngine":
         """The agent engine: creates agents and stores them by name."""

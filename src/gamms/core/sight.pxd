@@ -76,4 +76,16 @@ cdef class NodeViews:
     cdef readonly tuple view
 
 
+cdef class AgentIndex:
+    cdef public object phase, revised, revision, moment
+    cdef public AgentPositions agents
+    cdef public dict sights
+    cdef public AgentColumns entered
+    cdef public i64 epoch
+
+    cpdef shared_look(self, double radius)
+    @cython.locals(entered=AgentColumns, sight=RangeSearch)
+    cpdef bint follow(self) except -1
+
+
 cdef i64 as_cell(double place) noexcept nogil

@@ -370,3 +370,58 @@ class NodeViews:
 def as_cell(place: float) -> int:
     """Return a float truncated to an integer."""
     return int(place)
+
+
+class AgentIndex:
+    """The agents of one context for sensors: their positions, and a search for each radius.
+
+    A subclass takes positions that this class cannot follow.
+
+    Attributes:
+        phase: the phase of the context.
+        agents: the positions.
+        sights: radius -> search.
+        entered: the agents whose positions were entered last, if all were on nodes; None: not all were.
+        epoch: the epoch of the context when they were entered.
+        revised: the object that counts the changes of the map.
+        revision: the revision of the map when they were entered.
+        moment: the moment at which the positions were last checked.
+    """
+
+    def __init__(self, phase: Any, agents: AgentPositions) -> None:
+        self.phase = phase
+        self.agents = agents
+        self.sights: dict[float, RangeSearch] = {}
+        self.entered: AgentColumns | None = None
+        self.epoch = 0
+        self.revised: Any = None
+        self.revision: Any = None
+        self.moment: Any = None
+
+    def shared_look(self, radius: float) -> Any:
+        """Return a search for agents around nodes, valid until an agent moves; None if agents are on edges."""
+        if not self.follow() and self.have_travellers():
+            return None
+        found = self.sights.get(radius)
+        return self.find_sight(radius) if found is None else found
+
+    def follow(self) -> bool:
+        """Update the positions if agents have only moved to nodes since; return whether this was possible."""
+        entered = self.entered
+        if entered is None or self.epoch != self.phase.epoch or self.revision != self.revised.revision:
+            return False
+        if entered.travellers:
+            return False
+        if self.agents.follow(entered) > 0:
+            for sight in self.sights.values():
+                sight.is_built = False
+        self.moment = self.phase.moment
+        return True
+
+    def have_travellers(self) -> bool:
+        """Take all positions; return whether agents may be on edges."""
+        raise NotImplementedError
+
+    def find_sight(self, radius: float) -> RangeSearch:
+        """Return the search for a radius; it is added if it is new."""
+        raise NotImplementedError

@@ -39,8 +39,11 @@ cdef class LegalCache:
 @cython.final
 cdef class TurnPaths:
     cdef i64 most
-    cdef i64[::1] node, edge, motion, left, legs, passed, edges, backs, nodes, route
-    cdef double[::1] share, now, speed, pace, begins, ends, since, until, times
+    cdef readonly i64[::1] node, edge, motion, left, legs, passed, edges, backs, nodes, route
+    cdef readonly double[::1] share, now, speed, pace, begins, ends, since, until, times
+
+    @cython.locals(legs=i64, nodes=i64, at=i64)
+    cpdef int cut(self, i64 rows, i64 most, i64[::1] ints, double[::1] floats) except -1
 
 
 @cython.final
@@ -145,6 +148,10 @@ cdef class PathsBySlot:
     cdef public TurnPaths core
     cdef object make_progress, motions
 
+    @cython.locals(found=i64, i=Py_ssize_t)
+    cpdef i64 most_legs(self) except -1
+    @cython.locals(found=i64, i=Py_ssize_t)
+    cpdef i64 most_nodes(self) except -1
     cpdef int take(self, i64 i, TurnPaths paths, i64 row, i64 room, object roads) except -1
     @cython.locals(paths=TurnPaths)
     cpdef progress(self, i64 i)

@@ -174,49 +174,44 @@ class TurnPaths:
         route: the nodes of a route to follow; see `go`.
     """
 
-    def __init__(
-        self,
-        most: int,
-        node: memoryview[int],
-        edge: memoryview[int],
-        motion: memoryview[int],
-        left: memoryview[int],
-        legs: memoryview[int],
-        passed: memoryview[int],
-        share: memoryview[float],
-        now: memoryview[float],
-        speed: memoryview[float],
-        pace: memoryview[float],
-        edges: memoryview[int],
-        backs: memoryview[int],
-        begins: memoryview[float],
-        ends: memoryview[float],
-        since: memoryview[float],
-        until: memoryview[float],
-        nodes: memoryview[int],
-        times: memoryview[float],
-        route: memoryview[int],
-    ) -> None:
+    def __init__(self, rows: int, most: int, ints: memoryview[int], floats: memoryview[float]) -> None:
+        self.cut(rows, most, ints, floats)
+
+    def cut(self, rows: int, most: int, ints: memoryview[int], floats: memoryview[float]) -> int:
+        """Use parts of memory as columns, in this order.
+
+        Args:
+            rows: the number of rows.
+            most: the maximum number of legs in a row.
+            ints: memory for integers; what is left is for routes.
+            floats: memory for floats.
+        """
+        legs = rows * most
+        nodes = legs + rows
         self.most = most
-        self.node = node
-        self.edge = edge
-        self.motion = motion
-        self.left = left
-        self.legs = legs
-        self.passed = passed
-        self.share = share
-        self.now = now
-        self.speed = speed
-        self.pace = pace
-        self.edges = edges
-        self.backs = backs
-        self.begins = begins
-        self.ends = ends
-        self.since = since
-        self.until = until
-        self.nodes = nodes
-        self.times = times
-        self.route = route
+        self.node = ints[:rows]
+        self.edge = ints[rows : 2 * rows]
+        self.motion = ints[2 * rows : 3 * rows]
+        self.left = ints[3 * rows : 4 * rows]
+        self.legs = ints[4 * rows : 5 * rows]
+        self.passed = ints[5 * rows : 6 * rows]
+        at = 6 * rows
+        self.edges = ints[at : at + legs]
+        self.backs = ints[at + legs : at + 2 * legs]
+        at += 2 * legs
+        self.nodes = ints[at : at + nodes]
+        self.route = ints[at + nodes :]
+        self.share = floats[:rows]
+        self.now = floats[rows : 2 * rows]
+        self.speed = floats[2 * rows : 3 * rows]
+        self.pace = floats[3 * rows : 4 * rows]
+        at = 4 * rows
+        self.begins = floats[at : at + legs]
+        self.ends = floats[at + legs : at + 2 * legs]
+        self.since = floats[at + 2 * legs : at + 3 * legs]
+        self.until = floats[at + 3 * legs : at + 4 * legs]
+        self.times = floats[at + 4 * legs :]
+        return 0
 
 
 class GoalPaths:
@@ -937,6 +932,20 @@ class PathsBySlot:
         self.core: TurnPaths
         self.make_progress = make_progress
         self.motions = motions
+
+    def most_legs(self) -> int:
+        """Return the maximum number of legs of an agent."""
+        found = 0
+        for i in range(len(self.core.legs)):
+            found = max(found, self.core.legs[i])
+        return found
+
+    def most_nodes(self) -> int:
+        """Return the maximum number of nodes of an agent, at least 1."""
+        found = 1
+        for i in range(len(self.core.passed)):
+            found = max(found, self.core.passed[i])
+        return found
 
     def take(self, i: int, paths: TurnPaths, row: int, room: int, roads: Any) -> int:
         """Copy the path of an agent from other paths.

@@ -157,3 +157,10 @@ cdef class MovesForRules:
     cpdef int begin(self, object ctx) except -1
     @cython.locals(now=RuleMoves, number=i64, seeds=i64, is_known=bint)
     cpdef turn(self, object ctx)
+
+
+@cython.final
+cdef class GamePlayer:
+    cdef object ctx, find_game, form, key, play
+    cdef bint follows
+    cdef MovesForRules game

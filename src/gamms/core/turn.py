@@ -804,3 +804,41 @@ class MovesForRules:
     def follow_moves(self, ctx: Any, moves: Any) -> RuleMoves:
         """Take the moves of the turn; return them for rules."""
         raise NotImplementedError
+
+    def any_moves(self, ctx: Any) -> RuleMoves:
+        """Return the present agents, for rules that do not depend on how they have moved."""
+        raise NotImplementedError
+
+
+class GamePlayer:
+    """Plays a shipped rule in the game of a context, by calling it.
+
+    Args:
+        ctx: the context.
+        find_game: returns the moves for rules of a context.
+        form: builds the rule.
+        play: called with the rule and the context; None: the rule is played as it is.
+        follows: whether the rule depends on how agents have moved.
+    """
+
+    def __init__(self, ctx: Any, find_game: Any, form: Any, play: Any, *, follows: bool) -> None:
+        self.ctx = ctx
+        self.find_game = find_game
+        self.form = form
+        self.key = id(form)
+        self.play = play
+        self.follows = follows
+        self.game: MovesForRules | None = None
+
+    def __call__(self) -> None:
+        """Play a turn."""
+        game = self.game
+        if game is None or not game.is_of_map():
+            game = self.find_game(self.ctx)
+            self.game = game
+        moves = game.turn(self.ctx) if self.follows else game.any_moves(self.ctx)
+        rule = moves.made(self.ctx, self.form, self.key)
+        if self.play is None:
+            rule.play(self.ctx)
+        else:
+            self.play(rule, self.ctx)

@@ -91,6 +91,7 @@ class TurnEngine(GameTurn):
     ) -> None:
         super().__init__(phase, state, TurnMoves)
         self._ctx = ctx
+        self._host: Any = ctx  # whose engines may be of the user's classes
         self._settings = settings
         self._state = state
         self._phase = phase
@@ -402,7 +403,7 @@ class TurnEngine(GameTurn):
                 self._collectors.collect(state.turn, self._ctx, self.living)
         finally:  # the agents have moved: the turn counts for recordings and windows, too
             began = perf_counter()
-            self._ctx.visual.simulate()
+            self._host.visual_engine.simulate()
             state.timings["draw"] += perf_counter() - began
 
     def _play_moves(self, plan: TurnPlan) -> None:
@@ -672,7 +673,10 @@ class TurnEngine(GameTurn):
 
     def stop_losers(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
-        places = turn.in_core() if turn.paths is None else turn.places()
+        if turn.paths is not None:
+            places: MovePlaces = turn.places()
+        else:
+            places = turn.in_core() if turn.columns is None else turn.columns
         losers = self._losers(turn.order, places, turn.named)
         return turn.stop_each(losers) if len(losers) else (losers, losers)
 

@@ -14,7 +14,7 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import GamePlayer, GameRule
+from gamms.rules.meetings import GameRule, player_of
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
@@ -98,7 +98,7 @@ def reach(
         made.play(ctx)
 
     form = in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
-    player = partial(GamePlayer, form=form, play=play)
+    player = partial(player_of, form=form, play=play)
     return declared(
         reach,
         RuleSpec(
@@ -149,7 +149,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         made.play(ctx)
 
     form = in_core("arrive", team, goal, points, counts_passing)
-    player = partial(GamePlayer, form=form, play=play)
+    player = partial(player_of, form=form, play=play)
     return declared(
         arrive,
         RuleSpec(
@@ -186,7 +186,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
 
     def player(ctx: Context) -> Callable[[], None]:
         state = ctx.game.internals.state
-        end = GamePlayer(ctx, form, follows=False)
+        end = player_of(ctx, form, follows=False)
 
         def play() -> None:
             if state.turn >= last:  # NOTE: else the rule takes a twentieth of a turn of two agents (benchmarks: turns)
@@ -226,7 +226,7 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         player(ctx)()
 
     form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
-    player = partial(GamePlayer, form=form, follows=False)
+    player = partial(player_of, form=form, follows=False)
     return declared(
         none_left,
         RuleSpec(
@@ -250,7 +250,7 @@ def last_team() -> Rule:
         player(ctx)()
 
     form = in_core("last_team")
-    player = partial(GamePlayer, form=form, follows=False)
+    player = partial(player_of, form=form, follows=False)
     return declared(last_team, RuleSpec(rank=Rank.END, core_form=form, player=player))
 
 

@@ -16,7 +16,7 @@ from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, optional, 
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
-from gamms.rules.meetings import GamePlayer, GameRule
+from gamms.rules.meetings import GameRule, player_of
 from gamms.rules.territory import Colors, Territory, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
@@ -88,7 +88,7 @@ def capture_flag(
 
     grounds = shapes_of_grounds([game.ground])
     form = in_core("capture_flag", game)
-    player = partial(GamePlayer, form=form, play=game.play)
+    player = partial(player_of, form=form, play=game.play)
     return declared(
         capture_flag,
         RuleSpec(

@@ -17,7 +17,7 @@ from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.core.rules import Flags, Tagging
-from gamms.core.turn import MovesForRules, RuleMoves, RuleOfGame
+from gamms.core.turn import GamePlayer, MovesForRules, RuleMoves, RuleOfGame
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
 from gamms.game.block.columns import AgentTable
@@ -446,6 +446,9 @@ class TurnContacts(RuleMoves):
         self.purpose = column("Q", [0])
         self.seed: int | None = None
         self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
+        self._slot_of: dict[int, Track | int] = {}  # agent -> its slot
+        self._order_of_slots: TurnOrder | None = None  # of `_slot_of`
+        self._slots_and_agents = column("q"), column("q")  # of `_slot_of`
         self._moves: TurnMoves | None = None
         self._make_room(2, 0)
 
@@ -457,6 +460,9 @@ class TurnContacts(RuleMoves):
         self.columns = _zeros("q", size * most), _zeros("d", size * most), _zeros("q", size)
         self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
         self._counts = _zeros("q", size)
+        self._no_legs = _zeros("q", size)
+        self._one_node = column("q", [1] * size)
+        self._of_all = self._tracks(self.columns[2], at_end=False)
         self._flags = _zeros("q", size * most_legs)
         ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(4)], self._flags]
         self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
@@ -490,41 +496,57 @@ class TurnContacts(RuleMoves):
     def follow(self, ctx: Context) -> None:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""
         moves: TurnMoves | None = self.game.state.moves
+        block = ctx.agent.block
         paths = None if moves is None else moves.paths
-        number = self.roster.number
-        self.roster.take_nodes(ctx.agent.block, self.numbers)
+        self.roster.take_nodes(block, self.numbers)
         self._moves = moves
-        if moves is not None and moves.are_latest(ctx.agent.block):
-            maps = moves.paths.maps
-            self._where = {
-                number[name]: moves.track(i) if maps[i] is None or maps[i] is BY_IDS else i
-                for i, name in enumerate(moves.order.names)
-            }
+        if moves is not None and moves.are_latest(block):
+            self._where = self._where_latest(moves)
         else:
-            self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
+            self._where = {self.roster.number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
+        tracks: dict[int, Track] = {}
+        if self._where is not self._slot_of:
+            tracks = {agent: where for agent, where in self._where.items() if isinstance(where, Track)}
         most_legs, most = (0, 2) if paths is None else paths.most
-        most = max([2, most, *[len(where.path) for where in self._where.values() if isinstance(where, Track)]])
+        most = max([2, most, *[len(track.path) for track in tracks.values()]])
         if most > self.most or most_legs > self.most_legs:
             self._make_room(max(most, self.most), max(most_legs, self.most_legs))
-        self._counts[:] = _zeros("q", len(self._counts))
-        self.columns[2][:] = column("q", [1] * len(self._counts))
-        by_roads: dict[RoadIds, tuple[list[int], list[int]]] = {}  # slots and agents
-        for agent, where in self._where.items():
-            if isinstance(where, Track):
-                self._put_track(agent, where)
-            elif paths is not None:
-                slots, agents = by_roads.setdefault(paths.maps[where], ([], []))
-                slots.append(where)
+        self._counts[:] = self._no_legs
+        self.columns[2][:] = self._one_node
+        for agent, track in tracks.items():
+            self._put_track(agent, track)
+        if paths is None or len(tracks) == len(self._where):
+            return
+        if self._where is self._slot_of:
+            self._put_paths(paths, paths.maps[0], *self._slots_and_agents)
+            return
+        by_roads: dict[RoadIds, tuple[list[int], list[int]]] = {}
+        for agent, i in self._where.items():
+            if not isinstance(i, Track):
+                slots, agents = by_roads.setdefault(cast("RoadIds", paths.maps[i]), ([], []))
+                slots.append(i)
                 agents.append(agent)
         for roads, (slots, agents) in by_roads.items():
-            assert paths is not None  # noqa: S101 - their agents have paths
-            self._put_paths(paths, roads, slots, agents)
+            self._put_paths(paths, roads, column("q", slots), column("q", agents))
 
-    def _put_paths(self, paths: GamePaths, roads: RoadIds, slots: list[int], agents: list[int]) -> None:
-        """Write the paths of the agents of slots along these roads."""
-        columns = self._tracks(self.columns[2], at_end=False)
-        to = self.numbers, self.game.streets, columns, self.legs
-        core.put_paths(paths.core, column("q", slots), roads.map, roads.edges, *to, column("q", agents))
+    def _where_latest(self, moves: TurnMoves) -> dict[int, Track | int]:
+        """Return the slot or the track of each agent, for moves that are the latest."""
+        order = moves.order
+        if order is not self._order_of_slots:
+            number = self.roster.number
+            self._slot_of = {number[name]: i for i, name in enumerate(order.names)}
+            self._slots_and_agents = column("q", range(len(order.names))), column("q", self._slot_of)
+            self._order_of_slots = order
+        maps = moves.paths.maps
+        roads = maps[0] if maps else None
+        if roads is not None and roads is not BY_IDS and maps.count(roads) == len(maps):
+            return self._slot_of
+        return {agent: _path_of(moves, i) for i, agent in zip(*self._slots_and_agents, strict=True)}
+
+    def _put_paths(self, paths: GamePaths, roads: Any, slots: memoryview, agents: memoryview) -> None:
+        """Write the paths by metres of agents along these roads."""
+        to = self.numbers, self.game.streets, self._of_all, self.legs
+        core.put_paths(paths.core, slots, roads.map, roads.edges, *to, agents)
         if roads.revision != self.game.revision:
             for i, agent in zip(slots, agents, strict=True):
                 self._mark_removed(agent, paths.legs_of(i))
@@ -854,42 +876,22 @@ def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
     return found
 
 
-class GamePlayer:
-    """Plays a shipped rule in the game of a context, by calling it.
+def player_of(
+    ctx: Context,
+    form: Form,
+    play: Callable[[GameRule, Context], object] | None = None,
+    *,
+    follows: bool = True,
+) -> GamePlayer:
+    """Return a function without arguments that plays a shipped rule in the game of a context.
 
     Args:
         ctx: the context.
         form: builds the rule.
-        play: called with the rule of the core and the context; by default the rule is played as it is.
+        play: called with the rule of the core and the context; None: the rule is played as it is.
         follows: whether the rule depends on how agents have moved.
     """
-
-    __slots__ = ("_ctx", "_follows", "_form", "_game", "_key", "_play")
-
-    def __init__(
-        self,
-        ctx: Context,
-        form: Form,
-        play: Callable[[GameRule, Context], object] = GameRule.play,
-        *,
-        follows: bool = True,
-    ) -> None:
-        self._ctx = ctx
-        self._form = form
-        self._key = id(form)
-        self._play = play
-        self._follows = follows
-        self._game: GameContacts | None = None
-
-    def __call__(self) -> None:
-        """Play a turn."""
-        ctx = self._ctx
-        game = self._game
-        if game is None or not game.is_of_map():
-            game = _game_of(ctx)
-            self._game = game
-        turn: TurnContacts = game.turn(ctx) if self._follows else game.any_moves(ctx)
-        self._play(turn.made(ctx, self._form, self._key), ctx)
+    return GamePlayer(ctx, _game_of, form, play, follows=follows)
 
 
 def _game_of(ctx: Context) -> GameContacts:

@@ -19,7 +19,7 @@ from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import GamePlayer, GameRule, Side
+from gamms.rules.meetings import GameRule, Side, player_of
 from gamms.rules.territory import Territory, TerritorySource, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
@@ -113,7 +113,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
         player(ctx)()
 
     form = in_core("tag", taggings)
-    player = partial(GamePlayer, form=form)
+    player = partial(player_of, form=form)
     return declared(
         tag,
         RuleSpec(
@@ -198,7 +198,7 @@ def respawn(
         return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
 
     form = in_core("respawn", key, those, wait, most)
-    player = partial(GamePlayer, form=form, play=play, follows=False)
+    player = partial(player_of, form=form, play=play, follows=False)
     return declared(
         respawn,
         RuleSpec(

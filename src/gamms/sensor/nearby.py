@@ -14,7 +14,6 @@ from gamms import kernels
 from gamms.core import sight
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
-from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
@@ -69,7 +68,7 @@ class NodePositions(dict[int, tuple[float, float]]):
         self.update(zip(ids, map(tuple, self._ctx.graph.graph.positions(ids).tolist()), strict=True))
 
 
-class NearbyAgents:
+class NearbyAgents(sight.AgentIndex):
     """An index of the agents of one context, for sensors.
 
     Attributes:
@@ -77,21 +76,15 @@ class NearbyAgents:
     """
 
     def __init__(self, ctx: IContext) -> None:
+        self.places_of_nodes = NodePositions(ctx)
+        super().__init__(phase_of(ctx), sight.AgentPositions(self.places_of_nodes))
         self._ctx = ctx
-        self._phase = phase_of(ctx)
         self._graph: IGraph | None = None
         self._travellers = AgentsOnEdges(ctx)
         self._positions: Positions | None = None  # that were entered last
         self._moved_since: ChangeLog | None = None
         self._version = 0  # of these
-        self._moment: object = None  # the moment at which the index was last checked
         self._revision: int | None = None  # of the graph
-        # (epoch, graph revision) of the last full update, if all agents were on nodes
-        self._entered: tuple[int, int | None] | None = None
-        self._entered_block: AgentBlock
-        self.places_of_nodes = NodePositions(ctx)
-        self._agents = sight.AgentPositions(self.places_of_nodes)
-        self._sights: dict[float, sight.RangeSearch] = {}
 
     def living_near(self, x: float, y: float, radius: float) -> IntArray:
         """Return the rows of the living agents above and below a disc, ascending; other living agents may be included.
@@ -141,13 +134,13 @@ class NearbyAgents:
             own: name of an agent that is left out.
         """
         # NOTE: most looks of most games end here (benchmarks: peers).
-        moment = self._phase.moment
+        moment = self.phase.moment
         positions = self._positions
-        if moment is None or moment is not self._moment or positions is None:
+        if moment is None or moment is not self.moment or positions is None:
             positions = self._catch_up()
         if not positions.travellers:
-            looks = self._sights.get(radius)
-            found = self._sight(radius) if looks is None else looks
+            looks = self.sights.get(radius)
+            found = self.find_sight(radius) if looks is None else looks
             if type(place) is int:
                 return found.seen_from(place, own or "")
             x, y = self._coordinates_of(place)
@@ -158,26 +151,9 @@ class NearbyAgents:
         nodes.pop(own or "", None)
         return nodes
 
-    def shared_look(self, radius: float) -> sight.RangeSearch | None:
-        """Return a search for agents around nodes, valid until an agent moves; None if agents are on edges."""
-        if not self._follow() and self._catch_up().travellers:
-            return None
-        return self._sights.get(radius) or self._sight(radius)
-
-    def _follow(self) -> bool:
-        """Update the index if agents have only moved to nodes since; return whether this was possible."""
-        # NOTE: called first in each turn (benchmarks: turns).
-        graph = self._graph
-        if graph is None or self._entered != (self._phase.epoch, graph.revision):
-            return False
-        block = self._entered_block
-        if block.travellers:
-            return False
-        if self._agents.follow(block):
-            for one in self._sights.values():
-                one.is_built = False
-        self._moment = self._phase.moment
-        return True
+    def have_travellers(self) -> bool:
+        """Take all positions; return whether agents may be on edges."""
+        return bool(self._catch_up().travellers)
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return name -> reported value of the given agents that are on edges."""
@@ -201,7 +177,7 @@ class NearbyAgents:
         positions = self._catch_up()
         x = view.x
         y = view.y
-        rows = self._sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
+        rows = self.find_sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
         if positions.travellers:
             moving = self._travellers.within(positions, (x, y), radius)
             dx, dy = (self.xy(moving) - (x, y)).T
@@ -209,7 +185,7 @@ class NearbyAgents:
         return positions, rows
 
     def _rows_within(self, positions: Positions, x: float, y: float, radius: float) -> list[int]:
-        rows = self._sight(radius).rows(x, y)
+        rows = self.find_sight(radius).rows(x, y)
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, (x, y), radius)])
         return rows
@@ -221,27 +197,32 @@ class NearbyAgents:
             place if type(place) is int else as_node_id(place, "The id of a node", self._ctx.graph)
         ]
 
-    def _sight(self, radius: float) -> sight.RangeSearch:
-        found = self._sights.get(radius)
+    def find_sight(self, radius: float) -> sight.RangeSearch:
+        """Return the search for a radius."""
+        found = self.sights.get(radius)
         if found is None:
-            if len(self._sights) >= _MOST_RADII:
-                self._sights.clear()
-            found = sight.RangeSearch(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
-            self._sights[radius] = found
+            if len(self.sights) >= _MOST_RADII:
+                self.sights.clear()
+            found = sight.RangeSearch(self.agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
+            self.sights[radius] = found
         return found
 
     def _catch_up(self) -> Positions:
         """Update the index, and return the positions of agents."""
-        moment = self._phase.moment
-        if moment is not None and moment is self._moment and self._positions is not None:
+        moment = self.phase.moment
+        if moment is not None and moment is self.moment and self._positions is not None:
             return self._positions
-        graph = self._ctx.graph.graph if self._graph is None else self._graph
-        self._graph = graph
+        graph = self._graph
+        if graph is None:
+            graph = self._ctx.graph.graph
+            self._graph = graph
+            with self.phase.suspended(changes_world=False):
+                self.revised = getattr(graph, "revised", graph)
         revision = graph.revision
         positions = self._ctx.agent.positions
         version = positions.version
-        self._moment = None
-        self._entered = None
+        self.moment = None
+        self.entered = None
         if revision != self._revision or revision is None or positions is not self._positions:
             self._revision = None  # until all are entered
             if positions is not self._positions:
@@ -252,16 +233,17 @@ class NearbyAgents:
         elif version != self._version:
             rows = self._moved_since.take()  # type: ignore[union-attr] # of these positions
             count = len(positions.names)
-            if rows is None or count != self._agents.count or _SHARE_MOVED * len(rows) > count:
+            if rows is None or count != self.agents.count or _SHARE_MOVED * len(rows) > count:
                 self._enter_all(positions, is_new=len(self.places_of_nodes) > _MOST_NODES)
             else:
                 self._enter(positions, rows)
         self._version = version
-        self._moment = moment
+        self.moment = moment
         block = positions.block
         is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
-        self._entered = (self._phase.epoch, revision) if is_plain else None
-        self._entered_block = block
+        self.entered = block if is_plain and revision is not None else None
+        self.epoch = self.phase.epoch
+        self.revision = revision
         return positions
 
     def _enter_all(self, positions: Positions, *, is_new: bool) -> None:
@@ -269,7 +251,7 @@ class NearbyAgents:
         try:
             if is_new:
                 self.places_of_nodes.renew(nodes)
-            self._agents.fill(positions.noted_names(), nodes)
+            self.agents.fill(positions.noted_names(), nodes)
         except UnknownName:
             self._revision = None
             lost = next(row for row, node in enumerate(nodes) if not self._ctx.graph.graph.has_node(node))
@@ -277,15 +259,15 @@ class NearbyAgents:
         inactive = positions.inactive
         travellers = positions.travellers
         for row in {*inactive, *travellers} if inactive or travellers else ():
-            self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
-        for one in self._sights.values():
+            self.agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
+        for one in self.sights.values():
             one.is_built = False
 
     def _enter(self, positions: Positions, rows: Collection[int]) -> None:
         nodes = positions.nodes
-        sights = list(self._sights.values())
+        sights = list(self.sights.values())
         for row in rows:
-            self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
+            self.agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
             for one in sights:
                 one.move(row)
 

@@ -216,7 +216,8 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
             self.artists.end_turn()
         for listener in self._after_turn:
             listener()
-        self.pictures.add_turn()
+        if self.pictures._films:
+            self.pictures.add_turn()
 
     @refused_while_deciding
     def quiet_turns(self) -> PastTurns | None:

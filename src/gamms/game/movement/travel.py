@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from itertools import accumulate
 from math import nan
 from typing import Any, NamedTuple
 
@@ -123,39 +122,48 @@ class TurnPaths:
     """
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
-        views = _columns_of(rows, most, most if route is None else route)
-        arrays = dict(zip(_COLUMNS, map(np.asarray, views), strict=True))
-        self.node = arrays["node"]
-        self.edge = arrays["edge"]
-        self.share = arrays["share"]
-        self.motion = arrays["motion"]
-        self.legs = arrays["legs"]
-        self.passed = arrays["passed"]
+        self.core = core.TurnPaths(rows, most, *_memory_of(rows, most, most if route is None else route))
+        columns = {name: np.asarray(getattr(self.core, name)) for name in _COLUMNS}
+        self.node = columns["node"]
+        self.edge = columns["edge"]
+        self.share = columns["share"]
+        self.motion = columns["motion"]
+        self.legs = columns["legs"]
+        self.passed = columns["passed"]
         self.edges, self.backs, self.begins, self.ends, self.since, self.until = (
-            arrays[name].reshape(rows, most) for name in _OF_LEGS
+            columns[name].reshape(rows, most) for name in _OF_LEGS
         )
-        self.nodes = arrays["nodes"].reshape(rows, most + 1)
-        self.times = arrays["times"].reshape(rows, most + 1)
-        self.route = arrays["route"]
-        self.core = core.TurnPaths(most, *views)
+        self.nodes = columns["nodes"].reshape(rows, most + 1)
+        self.times = columns["times"].reshape(rows, most + 1)
+        self.route = columns["route"]
 
 
-def _columns_of(rows: int, most: int, route: int) -> list[Any]:
-    """Return memory for the columns of `core.TurnPaths`, in the order of its arguments."""
-    # NOTE: slices of two pieces of memory, because each turn of a game has columns of its own (benchmarks: travel).
-    each = [rows] * 6
-    legs = [rows * most] * 4
+def _memory_of(rows: int, most: int, route: int) -> tuple[Any, Any]:
+    """Return memory for the integers and the floats of `core.TurnPaths`."""
+    # NOTE: two pieces, because each turn of a game has paths of its own (benchmarks: travel).
     nodes = rows * (most + 1)
-    ints = _cut(np.int64, [*each, *legs[:2], nodes, route])
-    floats = _cut(np.float64, [*each[:4], *legs, nodes])
-    return [*ints[:6], *floats[:4], *ints[6:8], *floats[4:8], ints[8], floats[8], ints[9]]
+    ints = memoryview(bytearray(8 * (rows * (6 + 2 * most) + nodes + route)))
+    floats = memoryview(bytearray(8 * (rows * (4 + 4 * most) + nodes)))
+    return ints.cast(INT64), floats.cast("d")  # type: ignore[call-overload] # as in `core.block`
 
 
-def _cut(kind: type[np.number[Any]], sizes: Sequence[int]) -> list[Any]:
-    """Return pieces of zeros of these sizes."""
-    memory = np.zeros(sum(sizes), kind).data
-    ends = list(accumulate(sizes))
-    return [memory[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+class _PathColumns(NamedTuple):
+    """Columns of `core.TurnPaths`."""
+
+    node: memoryview
+    edge: memoryview
+    motion: memoryview
+    legs: memoryview
+    passed: memoryview
+    share: memoryview
+    nodes: memoryview
+    times: memoryview
+    edges: memoryview
+    backs: memoryview
+    begins: memoryview
+    ends: memoryview
+    since: memoryview
+    until: memoryview
 
 
 class GamePaths(core.PathsBySlot):
@@ -177,25 +185,24 @@ class GamePaths(core.PathsBySlot):
 
     def _make_room(self, most: int) -> None:
         """Allocate memory for `most` legs of each agent."""
-        views = _columns_of(len(self.maps), most, 0)
         self._most = most
-        self.core = core.TurnPaths(most, *views)
-        # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
-        self._node = views[0]
-        self._edge = views[1]
-        self._motion = views[2]
-        self._legs = views[4]
-        self._passed = views[5]
-        self._share = views[6]
-        self._of_legs = views[10:16]
-        self._nodes = views[16]
-        self._times = views[17]
+        self._memory = _memory_of(len(self.maps), most, 0)
+        self.core = core.TurnPaths(len(self.maps), most, *self._memory)
+        self._read: _PathColumns | None = None
+
+    @property
+    def _columns(self) -> "_PathColumns":
+        """The columns as Python reads them."""
+        if self._read is None:
+            # NOTE: items of memoryviews are numbers of Python, which arrays make more slowly (benchmarks: travel).
+            self._read = _PathColumns(*[memoryview(getattr(self.core, name)) for name in _PathColumns._fields])
+        return self._read
 
     def drop(self, slots: Iterable[int]) -> None:
         """Drop the paths of some agents."""
         for i in slots:
             self.maps[i] = None
-            self._legs[i] = 0
+            self._columns.legs[i] = 0
 
     def walk(
         self, i: int, path: Sequence[int], progress: Progress | None = None, times: Sequence[float] | None = None
@@ -211,12 +218,12 @@ class GamePaths(core.PathsBySlot):
         self.reserve(len(path))
         ahead, covered = (0, 0.0) if progress is None else (progress.target, progress.share)
         core.begin(self.core, i, path[-1], 0, covered, Motion.NONE, 0.0, nan, 0)
-        self._edge[i] = ahead
-        self._passed[i] = len(path)
+        self._columns.edge[i] = ahead
+        self._columns.passed[i] = len(path)
         first = i * (self._most + 1)
         last = first + len(path)
-        self._nodes[first:last] = array(INT64, path)
-        self._times[first:last] = _evenly(len(path)) if times is None else array("d", times)
+        self._columns.nodes[first:last] = array(INT64, path)
+        self._columns.times[first:last] = _evenly(len(path)) if times is None else array("d", times)
         self.maps[i] = BY_IDS
 
     def stand(self, i: int, place: tuple[int, int, float], back: int, roads: RoadIds) -> None:
@@ -246,19 +253,19 @@ class GamePaths(core.PathsBySlot):
     @property
     def most(self) -> tuple[int, int]:
         """The maximum numbers of legs and of nodes of an agent."""
-        return max(self._legs, default=0), max(self._passed, default=1)
+        return self.most_legs(), self.most_nodes()
 
     # -- one agent --------------------------------------------------------------------------------------------------
 
     def is_moving(self, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
         if self.maps[i] is BY_IDS:
-            return bool(self._passed[i] > 1 or self._share[i] > 0.0)
+            return bool(self._columns.passed[i] > 1 or self._columns.share[i] > 0.0)
         return self.maps[i] is not None and core.is_moving(self.core, i)
 
     def go_in_part(self, i: int, part: int, parts: int) -> None:
         """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
-        if self.maps[i] is not None and (self._legs[i] or self._passed[i] > 1):
+        if self.maps[i] is not None and (self._columns.legs[i] or self._columns.passed[i] > 1):
             core.go_in_part(self.core, i, part, parts)
 
     def are_steps(self) -> bool:
@@ -271,17 +278,17 @@ class GamePaths(core.PathsBySlot):
 
     def num_legs(self, i: int) -> int:
         """Return the number of legs of an agent."""
-        return 0 if self.maps[i] is None else self._legs[i]
+        return 0 if self.maps[i] is None else self._columns.legs[i]
 
     def room(self, i: int) -> int:
         """Return the number of legs of an agent with a path, or of its nodes, if there are more."""
-        return int(max(self._legs[i], self._passed[i]))
+        return int(max(self._columns.legs[i], self._columns.passed[i]))
 
     def end(self, i: int) -> int:
         """Return the id of the node that an agent with a path passes last."""
         roads = self.maps[i]
         assert roads is not None  # noqa: S101 - it has a path
-        node: int = roads.ids[self._node[i]]
+        node: int = roads.ids[self._columns.node[i]]
         return node
 
     def begun(self, i: int) -> Leg | None:
@@ -296,21 +303,21 @@ class GamePaths(core.PathsBySlot):
         if roads is None:
             return None
         first = i * (self._most + 1)
-        last = first + self._passed[i]
+        last = first + self._columns.passed[i]
         ids = roads.ids
-        path = [ids[node] for node in self._nodes[first:last]]
-        return Track(tuple(path), tuple(self._times[first:last]), tuple(self.legs_of(i)))
+        path = [ids[node] for node in self._columns.nodes[first:last]]
+        return Track(tuple(path), tuple(self._columns.times[first:last]), tuple(self.legs_of(i)))
 
     def _nodes_beyond(self, i: int) -> list[int]:
         """Return the ids of the nodes on the path of an agent over nodes, beyond the first."""
         first = i * (self._most + 1)
-        ahead = [self._edge[i]] if self._share[i] else []
-        return [*self._nodes[first + 1 : first + self._passed[i]], *ahead]
+        ahead = [self._columns.edge[i]] if self._columns.share[i] else []
+        return [*self._columns.nodes[first + 1 : first + self._columns.passed[i]], *ahead]
 
     def place_at(self, i: int, time: float) -> Progress | None:
         """Return the position of an agent on its last leg at a time of the turn; None: it is on a node."""
-        leg = i * self._most + self._legs[i] - 1
-        edges, _, begins, ends, since, until = self._of_legs
+        leg = i * self._most + self._columns.legs[i] - 1
+        edges, _, begins, ends, since, until = self._columns[-6:]
         share = core.share_at(begins[leg], ends[leg], since[leg], until[leg], time)
         if not 0.0 < share < 1.0:
             return None
@@ -321,10 +328,10 @@ class GamePaths(core.PathsBySlot):
     def legs_of(self, i: int) -> list[Leg]:
         """Return the legs of an agent with a path."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
-        edges, backs, begins, ends, since, until = self._of_legs
+        edges, backs, begins, ends, since, until = self._columns[-6:]
         roads: Any = self.maps[i]
         legs = list[Leg]()
-        for place in range(i * self._most, i * self._most + self._legs[i]):
+        for place in range(i * self._most, i * self._most + self._columns.legs[i]):
             source, target, id = roads.edge_ids[edges[place]]
             back = None if backs[place] < 0 else roads.edge_ids[backs[place]][2]
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
@@ -339,7 +346,7 @@ class GamePaths(core.PathsBySlot):
         targets = [leg.target for leg in legs] if legs else self._nodes_beyond(i)
         if not targets or not core.begins_on_edge(self.core, i):
             return STAYS, Motion.FORWARD, targets
-        motion = self._motion[i]
+        motion = self._columns.motion[i]
         if not core.is_moving(self.core, i):  # it stands, or is on its way and too slow to get on
             return (STAYS if motion == Motion.STOPPED else 0), motion, []
         return 0, core.motion_of(legs[0].begin, legs[0].end), targets[1:]
@@ -703,11 +710,9 @@ class Travel(TravelSearch):
 
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
-        views = _columns_of(1, most, most)
         self._most = most
-        self._legs = views[4]
-        self._route = views[-1]
-        self._trips = core.TurnPaths(most, *views)
+        self._trips = core.TurnPaths(1, most, *_memory_of(1, most, most))
+        self._route = self._trips.route
         self.take_trips(self._trips)
 
 
