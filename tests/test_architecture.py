@@ -333,7 +333,7 @@ def test_no_package_uses_underscore_names_of_another():
 
 
 PLAYS = {
-    "advances the turn": {"core/moves.py end_part", "game/turn.py play"},  # in the core, and of a game alone
+    "advances the turn": {"core/moves.py end_part", "core/turn.py play"},  # in the core, and of a game alone
     "calls a strategy": {
         "agent/agent.py step",  # outside of turns
         "core/ask.py ask_each",

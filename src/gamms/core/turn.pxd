@@ -80,13 +80,21 @@ cdef class TurnMovesInCore:
     cpdef bint are_steps(self, AgentColumns block) except -1
 
 
+cdef class NodeConflicts
+
+
 cdef class GameTurn:
     cdef public object phase, state, make_moves, near, asked_part, travel, order_now, whole
+    cdef public object plan_now, checked, rules, collectors, groups
+    cdef public NodeConflicts conflicting
     cdef public list observers
     cdef public Answers answers
     cdef public i64 part, asked, first, seed_changes
     cdef public bint is_deciding, is_moving
 
+    cpdef int play(self) except -1
+    @cython.locals(entries=list, played=Py_ssize_t)
+    cpdef int play_moves(self, object plan) except -1
     @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
     cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
     cpdef int play_decisions(self, i64 number) except -1
@@ -96,7 +104,7 @@ cdef class GameTurn:
     cpdef decide(self, object order, object part, object observers=*, object paths=*)
     @cython.locals(moves=TurnMovesInCore, moving=PartInCore, block=AgentColumns)
     cpdef int move(self, i64 number) except -1
-    @cython.locals(moves=TurnMovesInCore)
+    @cython.locals(moves=TurnMovesInCore, agents=NodeConflicts)
     cpdef int give_way(self, i64 number) except -1
 
 
@@ -107,7 +115,10 @@ cdef class NodeConflicts:
     cdef public MoveRequests requests
     cdef i64[::1] found
     cdef public i64 room
+    cdef public object order, conflicts, allow_swaps
 
+    @cython.locals(is_same=bint)
+    cpdef bint let_all_go(self, TurnMovesInCore moves, i64 turn) except -1
     cpdef bint write(self, MoveColumns moves) except -1
     cpdef i64 resolve(self, i64 turn) except -1
 
@@ -145,7 +156,7 @@ cdef class MovesForRules:
     cdef public object phase, state, revised, revision
     cdef public GameTurn turns
     cdef public AgentColumns block
-    cdef public RuleMoves now
+    cdef public RuleMoves now, steps, tracks
     cdef public NodeNumbers numbers, streets
     cdef public object pieces
     cdef public i64 epoch, keys
@@ -157,6 +168,9 @@ cdef class MovesForRules:
     cpdef int begin(self, object ctx) except -1
     @cython.locals(now=RuleMoves, number=i64, seeds=i64, is_known=bint)
     cpdef turn(self, object ctx)
+    @cython.locals(moves=TurnMovesInCore)
+    cpdef RuleMoves follow_moves(self, object ctx, object moves)
+    cpdef RuleMoves any_moves(self, object ctx)
 
 
 @cython.final

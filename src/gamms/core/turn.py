@@ -391,6 +391,11 @@ class GameTurn:
         seed_changes: the number of changes of the context's seed.
         observers: called in every turn with the agents and their states before any agent decides, in order.
         order_now: the living agents; None: they are not known.
+        plan_now: the plan of the last turn; None: there is none.
+        checked: the last plan whose teams may all play.
+        rules, collectors: those of the game.
+        groups: the order of play of the current turn.
+        conflicting: the agents in the form of the core, if ranks decide conflicts; None: they are not known.
         first: the first part of the turn that was not played before.
         whole: the moves of the parts of the turn that were played.
         make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
@@ -409,10 +414,44 @@ class GameTurn:
         self.seed_changes = 0
         self.observers: list[Any] = []
         self.order_now: Any = None
+        self.plan_now: Any = None
+        self.checked: Any = None
+        self.rules: Any = None
+        self.collectors: Any = None
+        self.groups: Any = None
+        self.conflicting: NodeConflicts | None = None
         self.first = 0
         self.whole: Any = None
         self.travel: Any
         self.answers: Any
+
+    def plan(self) -> Any:
+        """Return the phases of a turn; the same until the epoch rises."""
+        raise NotImplementedError
+
+    def _check(self, plan: Any) -> None:
+        """Refuse to play a plan if a team is left out."""
+        raise NotImplementedError
+
+    def _lose(self, error: BaseException, order: Any) -> None:
+        """Undo what a turn has begun that an error has ended."""
+        raise NotImplementedError
+
+    def _end_moves(self, order: Any) -> None:
+        """Notice that a rule has changed the order of play."""
+        raise NotImplementedError
+
+    def _apply_rules(self, phase: str) -> None:
+        """Apply the rules of a phase."""
+        raise NotImplementedError
+
+    def _collect(self) -> None:
+        """Collect the values of the turn."""
+        raise NotImplementedError
+
+    def _show(self) -> None:
+        """Show the end of the turn in pictures, windows and recordings."""
+        raise NotImplementedError
 
     def _publish(self, order: Any, part: Any, answers: Any) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
@@ -449,6 +488,66 @@ class GameTurn:
     def _apply_actions(self, moves: Any, part: Any, block: Any) -> None:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         raise NotImplementedError
+
+    def play(self) -> int:
+        """Play a turn: its phases in order, then the rules after the moves and the listeners of the end of a turn.
+
+        Raises:
+            BadValue: the order of play lacks a team.
+            MissingKey (KeyError): the priorities of `by_priority` lack a team.
+        """
+        state = self.state
+        rules = self.rules
+        if state.parts_played is None and "before" in rules.now.phases:
+            self._apply_rules("before")
+            if state.over is not None:
+                return 0
+        plan = self.plan_now
+        if plan is None or plan.epoch != self.phase.epoch:
+            plan = self.plan()
+        if plan is not self.checked:
+            self._check(plan)
+            self.checked = plan
+        self.play_moves(plan)
+        state.turn += 1
+        state.parts_played = None
+        try:
+            if "after" in rules.now.phases:
+                self._apply_rules("after")
+            if self.collectors.by_name:
+                self._collect()
+        finally:  # the agents have moved: the turn counts for recordings and windows, too
+            began = perf_counter()
+            self._show()
+            state.timings["draw"] += perf_counter() - began
+        return 0
+
+    def play_moves(self, plan: Any) -> int:
+        """Let all agents observe, decide and move, part by part."""
+        order = plan.order
+        entries = plan.entries
+        self.groups = order.groups
+        self.first = self.state.parts_played or 0
+        self.part = self.first
+        self.is_moving = True
+        order.block.placed.clear()
+        if self.first > 0:
+            entries = plan.entries_from(self.first)
+        try:
+            played = self.play_entries(entries, plan.epoch)
+            while played < len(entries):  # a function has changed what the plan depends on
+                last = entries[played - 1]
+                plan = self.plan()
+                entries = plan.entries_after(last)
+                played = self.play_entries(entries, plan.epoch)
+        except BaseException as error:
+            self._lose(error, order)
+            raise
+        finally:
+            self.is_moving = False
+            if self.order_now is not order:
+                self._end_moves(order)
+        return 0
 
     def play_entries(self, entries: list[Entry], epoch: int) -> int:
         """Play phases one after the other, and count the time that each takes.
@@ -590,6 +689,9 @@ class GameTurn:
     def give_way(self, number: int) -> int:  # noqa: ARG002 - as all phases
         """Resolve conflicts, and stop the losers."""
         moves = self.state.moves
+        agents = self.conflicting
+        if agents is not None and agents.let_all_go(moves, self.state.turn):
+            return 0
         stopped, places = self.stop_losers(moves)
         if len(stopped) > 0:
             self.state.blocked.add_conflicts(moves.order.names, stopped, places)
@@ -604,6 +706,9 @@ class NodeConflicts:
         numbers: numbers the nodes.
         rows: the starts and the ends of moves as numbers of places.
         room: the number of nodes for which there is working memory.
+        order: the agents, in the form of the turn engine.
+        conflicts: the conflicts.
+        allow_swaps: whether they allowed agents to exchange nodes, when working memory was made.
         contests, requests: working memory, and the moves in the form of `core.conflicts`.
         found: (agents,) the agents that stay.
     """
@@ -613,8 +718,18 @@ class NodeConflicts:
         self.rows = rows
         self.found = found
         self.room = -1
+        self.order: Any = None
+        self.conflicts: Any = None
+        self.allow_swaps = True
         self.contests: Contests
         self.requests: MoveRequests
+
+    def let_all_go(self, moves: TurnMovesInCore, turn: int) -> bool:
+        """Return whether no agent has to stay in a turn on nodes; False also if that is not known."""
+        if moves.order is not self.order or moves.columns is None or moves.paths is not None or moves.actions:
+            return False
+        is_same: bool = self.conflicts.allow_swaps == self.allow_swaps
+        return is_same and self.write(moves.columns) and self.resolve(turn) == 0
 
     def write(self, moves: MoveColumns) -> bool:
         """Write the numbers of the starts and the ends of moves; return whether there is room for them."""
@@ -691,6 +806,10 @@ class RuleMoves:
             self.note_placed(block)
         return 0
 
+    def follow(self, ctx: Any) -> None:
+        """Take the tracks of agents that may have moved along several edges, or parts of edges."""
+        raise NotImplementedError
+
     def slots_of(self, order: Any, block: Any) -> memoryview[int]:
         """Return the slot of each agent in an order, (agents,); -1: it has none."""
         raise NotImplementedError
@@ -742,6 +861,7 @@ class MovesForRules:
         revision: the revision of the map.
         epoch: the epoch of the agents.
         turn_number: (1,) the number of turns played, for rules.
+        steps, tracks: take moves along at most one edge each, and other moves.
         now: the moves; None: they are not taken yet.
     """
 
@@ -760,6 +880,8 @@ class MovesForRules:
         self.epoch = -1
         self.block: AgentColumns
         self.turn_number: memoryview[int]
+        self.steps: RuleMoves
+        self.tracks: RuleMoves
         self.now: RuleMoves | None = None
         self._moves: Any = None
         self._version = 0
@@ -803,11 +925,16 @@ class MovesForRules:
 
     def follow_moves(self, ctx: Any, moves: Any) -> RuleMoves:
         """Take the moves of the turn; return them for rules."""
-        raise NotImplementedError
+        if moves is not None and moves.are_steps(self.block):
+            self.steps.take_steps(moves, self.block)
+            return self.steps
+        self.tracks.follow(ctx)
+        return self.tracks
 
     def any_moves(self, ctx: Any) -> RuleMoves:
         """Return the present agents, for rules that do not depend on how they have moved."""
-        raise NotImplementedError
+        self.begin(ctx)
+        return self.steps
 
 
 class GamePlayer:

@@ -331,7 +331,15 @@ class TurnConflicts:
             return None
         before = self._agents if conflicts is self._conflicts else None
         places = None if before is None else before.places
-        return _Agents(known, order.names, order.all_teams(), order.slots.flying, ctx, places)
+        agents = _Agents(known, order.names, order.all_teams(), order.slots.flying, ctx, places)
+        agents.order = order
+        return agents
+
+    @property
+    def in_core(self) -> NodeConflicts | None:
+        """The agents of the last turn, if the core alone resolves their conflicts on nodes; None: it does not."""
+        agents = self._agents
+        return agents if agents is not None and agents.is_by_ranks else None
 
 
 class MoveRows:
@@ -421,6 +429,7 @@ class _Agents(NodeConflicts):
 
     Attributes:
         places: the places of the game.
+        is_by_ranks: whether ranks decide, and capacities do not depend on the map.
     """
 
     def __init__(
@@ -437,7 +446,9 @@ class _Agents(NodeConflicts):
         self._losers = np.zeros(len(names), np.int64)
         losers: Any = self._losers.data
         super().__init__(self.places.nodes, self._rows.columns, losers)
-        self._conflicts = conflicts
+        self.conflicts = conflicts
+        self.allow_swaps = conflicts.allow_swaps
+        self.is_by_ranks = _ranking_of(conflicts._resolver) is not None and not self.places.depend_on_map
         self._names = names
         self._teams = teams
         self._flies = np.zeros(len(names), np.bool_)
@@ -449,7 +460,7 @@ class _Agents(NodeConflicts):
         """Make working memory for places with these capacities."""
         self._limits = limits
         self._table = ConflictTable(
-            self._conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes
+            self.conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes
         )
         ranks = self._table.ranks
         if ranks is None:
@@ -492,11 +503,11 @@ class _Agents(NodeConflicts):
         requests = self.requests
         core.begin(c, requests, 0)
         try:
-            if not self._conflicts.allow_swaps:
+            if not self.conflicts.allow_swaps:
                 found = core.find_exchanges(c)
                 self._ask(found, moves_of, ctx, is_exchange=True)
                 core.end_exchanges(c, found)
-            if self._conflicts._limits.least < len(self._names):
+            if self.conflicts._limits.least < len(self._names):
                 found = core.find_contests(c, requests)
                 while found:
                     self._ask(found, moves_of, ctx, is_exchange=False)
@@ -507,7 +518,7 @@ class _Agents(NodeConflicts):
     def _ask(self, found: int, moves_of: MovesOf, ctx: HostContext, *, is_exchange: bool) -> None:
         """Call the resolver for the contests of a round, in the order of their nodes."""
         table = self._table
-        resolver = self._conflicts._resolver
+        resolver = self.conflicts._resolver
         contests = []
         first = table.first[: found + 1].tolist()
         for k in range(found):

@@ -56,6 +56,10 @@ class TurnPlan(NamedTuple):
     order: TurnOrder
     entries: list[Entry]
 
+    def entries_from(self, part: int) -> list[Entry]:
+        """Return the phases from a part of the turn on."""
+        return [entry for entry in self.entries if entry.part >= part]
+
     def entries_after(self, last: Entry) -> list[Entry]:
         """Return the phases after a phase of this plan or an earlier one."""
         played = last.part, PHASES_OF_GAME.index(last.phase)
@@ -95,8 +99,8 @@ class TurnEngine(GameTurn):
         self._settings = settings
         self._state = state
         self._phase = phase
-        self._rules = rules
-        self._collectors = collectors
+        self.rules = rules
+        self.collectors = collectors
         self.observers = list[Observer]()
         self._phases: dict[str, tuple[str, Callable[[int], object]]] = {
             "decide": ("decide", self.play_decisions),
@@ -106,8 +110,6 @@ class TurnEngine(GameTurn):
             "join": ("apply", self._join),
             "send": ("apply", self._send),
         }
-        self._plan: TurnPlan | None = None
-        self._checked: TurnPlan | None = None  # whose teams may play
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
@@ -117,7 +119,6 @@ class TurnEngine(GameTurn):
         self._epoch = -1  # of the order
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.prepared = -1
-        self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
@@ -173,7 +174,7 @@ class TurnEngine(GameTurn):
         self.note_departed()
         if change is None:
             self.update_counts()
-        groups = self._groups if self.is_moving else settings.order
+        groups = self.groups if self.is_moving else settings.order
         return TurnOrder(slots, block, settings, groups, before, change)
 
     def forget_plan(self) -> None:
@@ -236,6 +237,7 @@ class TurnEngine(GameTurn):
         """Make agents draw by the current seed of the context."""
         self.seed_changes += 1
         self._conflicts.forget()
+        self.conflicting = None
         if self.order_now is not None:
             self.order_now.slots.table.rekey(self._ctx.seed)
 
@@ -349,15 +351,16 @@ class TurnEngine(GameTurn):
 
     def plan(self) -> TurnPlan:
         """Return the phases of a turn; the same until the epoch rises."""
-        plan = self._plan
+        plan: TurnPlan | None = self.plan_now
         if plan is None or plan.epoch != self._phase.epoch or plan.order is not self.order():
             plan = self._new_plan(self.order())
-            self._plan = plan
+            self.plan_now = plan
         return plan
 
     def _new_plan(self, order: TurnOrder) -> TurnPlan:
         """Return the phases that turns of these agents need."""
-        acts = order.has_deeds or self._rules.now.may_act_before_moves
+        self.conflicting = None
+        acts = order.has_deeds or self.rules.now.may_act_before_moves
         has_conflicts = self._settings.conflicts is not None
         entries = []
         for number, part in enumerate(order.parts):
@@ -377,74 +380,43 @@ class TurnEngine(GameTurn):
         time, play = self._phases[phase]
         return Entry(phase, part, time, play)
 
-    def play(self) -> None:
-        """Play a turn: its phases in order, then the rules after the moves and the listeners of the end of a turn.
+    def _check(self, plan: TurnPlan) -> None:
+        """Refuse to play a plan if a team is left out.
 
         Raises:
             BadValue: the order of play lacks a team.
             MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
-        state = self._state
-        rules = self._rules
-        if "before" in rules.now.phases and state.parts_played is None:
-            self._apply_rules("before")
-            if state.over is not None:
-                return
-        plan = self._plan
-        if plan is None or plan.epoch != self._phase.epoch:
-            plan = self.plan()
-        self._play_moves(plan)
-        state.turn += 1
-        state.parts_played = None
-        try:
-            if "after" in rules.now.phases:
-                self._apply_rules("after")
-            if self._collectors.by_name:
-                self._collectors.collect(state.turn, self._ctx, self.living)
-        finally:  # the agents have moved: the turn counts for recordings and windows, too
-            began = perf_counter()
-            self._host.visual_engine.simulate()
-            state.timings["draw"] += perf_counter() - began
-
-    def _play_moves(self, plan: TurnPlan) -> None:
-        """Let all agents observe, decide and move, part by part."""
         order = plan.order
-        if plan is not self._checked:
-            if order.unlisted is not None:
-                raise left_out(order.unlisted.name, order.unlisted.team)
-            if self._settings.conflicts is not None:
-                self._conflicts.check_teams(self._settings.conflicts, order)
-            self._checked = plan
-        self._groups = order.groups
-        self.first = self._state.parts_played or 0
-        self.part = self.first
-        self.is_moving = True
-        order.block.placed.clear()
-        entries = plan.entries
-        if self.first:
-            entries = [entry for entry in entries if entry.part >= self.first]
-        try:
-            played = self.play_entries(entries, plan.epoch)
-            while played < len(entries):  # a function has changed what the plan depends on
-                last = entries[played - 1]
-                plan = self.plan()
-                entries = plan.entries_after(last)
-                played = self.play_entries(entries, plan.epoch)
-        except BaseException as error:  # the same numbers are drawn when the turn is repeated
-            note_lost(error, self._ctx)
-            self.outboxes.outgoing = []
-            latest = self.order_now or order
-            latest.slots.table.begin_again()
-            raise
-        finally:
-            self.is_moving = False
-            if self.order_now is not order and self._settings.order is not order.groups:
-                self.order_now = None  # a rule has changed the order of play
+        if order.unlisted is not None:
+            raise left_out(order.unlisted.name, order.unlisted.team)
+        if self._settings.conflicts is not None:
+            self._conflicts.check_teams(self._settings.conflicts, order)
+
+    def _lose(self, error: BaseException, order: TurnOrder) -> None:
+        """Undo what a turn has begun that an error has ended: the same numbers are drawn when it is repeated."""
+        note_lost(error, self._ctx)
+        self.outboxes.outgoing = []
+        latest = self.order_now or order
+        latest.slots.table.begin_again()
+
+    def _end_moves(self, order: TurnOrder) -> None:
+        """Notice that a rule has changed the order of play."""
+        if self._settings.order is not order.groups:
+            self.order_now = None
+
+    def _show(self) -> None:
+        """Show the end of the turn in pictures, windows and recordings."""
+        self._host.visual_engine.simulate()
+
+    def _collect(self) -> None:
+        """Collect the values of the turn."""
+        self.collectors.collect(self._state.turn, self._ctx, self.living)
 
     def _act(self, number: int) -> None:
         """Let rules refuse moves and deeds, and execute deeds."""
         turn: TurnMoves = self._state.moves
-        if turn.order.has_deeds or self._rules.now.act_before_moves:
+        if turn.order.has_deeds or self.rules.now.act_before_moves:
             self._do_deeds(turn, turn.order.parts[number])
 
     def _join(self, number: int) -> None:
@@ -467,7 +439,7 @@ class TurnEngine(GameTurn):
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        self._rules.apply(phase, self._state)
+        self.rules.apply(phase, self._state)
         self._state.timings["rules"] += perf_counter() - began
 
     def _do_deeds(self, turn: TurnMoves, part: TurnPart) -> None:
@@ -475,7 +447,7 @@ class TurnEngine(GameTurn):
 
         An agent that a rule has placed elsewhere stays there, and an agent whose path was closed stays on its node.
         """
-        rules = self._rules
+        rules = self.rules
         for i, kind, why in self.refused(turn, part.members, rules):
             if kind is None:
                 self._block(turn.slots[i], why)
@@ -678,6 +650,7 @@ class TurnEngine(GameTurn):
         else:
             places = turn.in_core() if turn.columns is None else turn.columns
         losers = self._losers(turn.order, places, turn.named)
+        self.conflicting = self._conflicts.in_core
         return turn.stop_each(losers) if len(losers) else (losers, losers)
 
     def _losers(

@@ -681,7 +681,7 @@ class GameContacts(MovesForRules):
         self._numbers = np.zeros(0, np.int64)
         self.by_metres = ctx.game.speed_unit != "edges"
         self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and its version
-        self._turns: list[TurnContacts] = []  # of any moves, and of steps; empty: not made
+        self._roster: Roster | None = None
 
     def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
@@ -749,11 +749,6 @@ class GameContacts(MovesForRules):
             self.numbers.write(columns.node_ids.data, self._numbers.data)
         return self.numbers.count
 
-    def any_moves(self, ctx: Context) -> TurnContacts:
-        """Return the present agents, for rules that do not depend on how they have moved."""
-        self.begin(ctx)
-        return self._turns[1]
-
     def take_agents(self, ctx: Context) -> None:
         """Take the present agents."""
         block = ctx.agent.block
@@ -762,12 +757,14 @@ class GameContacts(MovesForRules):
         if agents == self._agents:
             return
         self._agents = agents
-        roster = self._turns[0].roster if self._turns else None
+        roster = self._roster
         self._engine.note_departed()
         gone = dict.fromkeys(team for team, _ in self.state.departed.values())
         if roster is None or not roster.is_of(block, gone):
             roster = Roster(block, gone, roster)
-            self._turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
+            self._roster = roster
+            self.steps = TurnContacts(self, roster, are_steps=True)
+            self.tracks = TurnContacts(self, roster, are_steps=False)
             self.turn_number = roster.turn
         roster.take_lives(block)
         self.block = block
@@ -776,16 +773,6 @@ class GameContacts(MovesForRules):
     def forget(self) -> None:
         """Take the moves of the turn again when they are read."""
         self.now = None
-
-    def follow_moves(self, ctx: Context, moves: TurnMoves | None) -> TurnContacts:
-        """Take the moves of the turn; return its contact queries."""
-        any_moves, steps = self._turns
-        block: Any = self.block
-        if moves is not None and moves.are_steps(block):
-            steps.take_steps(moves, block)
-            return steps
-        any_moves.follow(ctx)
-        return any_moves
 
 
 def _road_changes(ctx: Context) -> tuple[int, int]:
@@ -871,7 +858,7 @@ def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
         follows: whether the rule depends on how agents have moved.
     """
     game = _game_of(ctx)
-    turn: TurnContacts = game.turn(ctx) if follows else game.any_moves(ctx)
+    turn: Any = game.turn(ctx) if follows else game.any_moves(ctx)
     found: GameRule = turn.made(ctx, form, id(form) if key is None else key)
     return found
 
