@@ -11,10 +11,11 @@ from gamms.game.facts import facts_to
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
 from gamms.game.turn import TurnEngine
-from gamms.ir.agents import Position
+from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.game_state import GameState, Scores, joined_end
 from gamms.plain import Plain
 from gamms.readonly import ReadOnlyMapping, frozen, published
+from gamms.typing.actions import known_node
 from gamms.typing.agent_engine import IAerialAgent, IAgent
 from gamms.typing.game import AerialState, Deed, Move, State, Track
 
@@ -193,13 +194,18 @@ class RuleVerbs(Settings):
         """Place an agent, dead or alive, on a node, as if it had been there before; None: on its start."""
         one: Any = self._agent(agent)  # of any kind: its place is of the same
         where = self._internals.start_of(one) if node is None else node
-        if isinstance(where, tuple):
-            one.position = where
+        block: AgentBlock = self.ctx.agent.block
+        row = block.row_of(one.name)
+        if not block.kind[row]:
+            block.put_back(row, known_node(self.ctx.graph.graph, block, where))
         else:
-            one.current_node_id = where
-            one.prev_node_id = where
-        if not one.alive:
-            one.alive = True
+            if isinstance(where, tuple):
+                one.position = where
+            else:
+                one.current_node_id = where
+                one.prev_node_id = where
+            if not one.alive:
+                one.alive = True
         self.emit("respawned", agent=one.name, node=one.current_node_id)
 
     def start_node(self, agent: IAgent | str) -> int | Position:

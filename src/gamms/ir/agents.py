@@ -306,6 +306,13 @@ class AgentBlock(AgentColumns):
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
 
+    def put_back(self, row: int, node: int) -> None:
+        """Place an agent on the ground, dead or alive, on a node, as if it had been there before."""
+        self.set(row, "node", node)
+        self.set(row, "previous", node)
+        if not self.alive[row]:
+            self.set(row, "alive", True)
+
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set the position of an agent on its edge."""
         if self.progress[row] != progress:

@@ -383,6 +383,12 @@ class GameRule(RuleOfGame):
     def _tell(self, ctx: Context, events: list[tuple[int, int, int, int, int]]) -> list[tuple[str, str, int]]:
         """Do in the context what the core has done."""
         game = ctx.game
+        graph = ctx.graph.graph
+        block = ctx.agent.block
+        internals = game.internals
+        state = internals.state
+        turn = state.turn + game.is_moving
+        ids = self.makes.turn.numbers.ids
         roster = self.makes.turn.roster
         names = roster.names
         agent_of = ctx.agent.get_agent
@@ -394,7 +400,13 @@ class GameRule(RuleOfGame):
             kind = rules.KINDS[number]
             played = self.makes.rules[rule]
             if kind == "respawned":
-                game.respawn(names[agent])
+                one = agent_of(names[agent])
+                home: Any = internals.start_of(one)
+                if roster.flies[agent] or not graph.has_node(home):
+                    game.respawn(one)
+                else:  # NOTE: as `respawn` does, but without its checks (benchmarks: peers)
+                    block.put_back(block.row_of(names[agent]), home)
+                    state.events.append({"turn": turn, "kind": kind, "agent": names[agent], "node": home})
             elif kind == "eliminated":
                 game.eliminate(names[agent])
             elif kind == "call":
@@ -406,14 +418,14 @@ class GameRule(RuleOfGame):
                 fields = {}
                 if kind in NAMED:
                     fields[NAMED[kind]] = names[other] if kind == "tag" else played.flags[other]
-                game.emit(kind, agent=name, **fields, node=self.makes.turn.numbers.ids[node])
+                state.events.append({"turn": turn, "kind": kind, "agent": name, **fields, "node": ids[node]})
                 told.append((kind, name, other))
                 if kind in SCORING:
                     team = roster.teams[agent]
                     is_again = kind == "reach" and team in reached  # a team scores once
                     reached.append(team)
                     if played.points is not None and not is_again:
-                        game.scores[team] += played.points
+                        state.scores[team] += played.points
         return told
 
 

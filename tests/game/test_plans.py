@@ -1,0 +1,122 @@
+"""The plan of a turn: its phases are kept until something changes that they depend on."""
+
+import pytest
+
+import gamms
+from gamms.rules import Conflicts, by_priority, tag
+
+
+def walk(state):
+    """Walk to and fro."""
+    state["action"] = state["legal"][1 + state["turn"] % (len(state["legal"]) - 1)]
+
+
+def stand(state):
+    state["action"] = state["curr_pos"]
+
+
+@pytest.fixture
+def ctx():
+    ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+    for name, node, team in (("a", 0, "red"), ("b", 1, "blue"), ("c", 10, "blue")):
+        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=walk)
+    with ctx:
+        yield ctx
+
+
+def phases(ctx):
+    return [entry.phase for entry in ctx.game.internals.parts.turns.plan().entries]
+
+
+def test_a_plan_has_only_the_phases_that_a_game_needs(ctx):
+    assert phases(ctx) == ["decide", "move"]
+    ctx.game.conflicts = Conflicts(1)
+    assert phases(ctx) == ["decide", "give way", "move"]
+    ctx.game.order = [["red"], ["blue"]]
+    ctx.game.add_channel("radio", range_m=100.0)
+    assert phases(ctx) == [*["decide", "give way", "move", "join"] * 2, "send"]
+
+
+def test_moves_returns_and_tags_leave_the_plan_as_it_is(ctx):
+    ctx.game.add(tag("red", "blue"))
+    ctx.game.step()
+    plan = ctx.game.internals.parts.turns.plan()
+    ctx.game.run(30)
+    assert any(event["kind"] == "respawned" for event in ctx.game.events)
+    assert ctx.game.internals.parts.turns.plan() is plan
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda ctx: ctx.agent.create_agent("d", start_node_id=5, team="red", strategy=stand),
+        lambda ctx: ctx.agent.delete_agent("c"),
+        lambda ctx: ctx.game.eliminate("c"),
+        lambda ctx: setattr(ctx.agent.get_agent("a"), "team", "blue"),
+        lambda ctx: setattr(ctx.agent.get_agent("a"), "speed", 2),
+        lambda ctx: ctx.agent.get_agent("a").decide_by(stand),
+        lambda ctx: ctx.agent.get_agent("a").register_sensor("eyes", ctx.sensor.create_sensor("eyes", "agent")),
+        lambda ctx: setattr(ctx.game, "on_error", "stay"),
+        lambda ctx: ctx.game.command("red", gamms.strategies.random_walk),
+        lambda ctx: ctx.game.add(lambda _: None, name="another"),
+        lambda ctx: ctx.game.publish(to="red", secret=1),
+    ],
+)
+def test_a_change_ends_the_plan(ctx, change):
+    ctx.game.run(2)
+    plan = ctx.game.internals.parts.turns.plan()
+    change(ctx)
+    assert ctx.game.internals.parts.turns.plan() is not plan
+    ctx.game.step()
+
+
+def test_conflicts_that_a_rule_sets_in_the_middle_of_a_turn_decide_the_moves_of_that_turn(ctx):
+    for name, node in (("a", 1), ("b", 6), ("c", 9)):
+        ctx.agent.get_agent(name).current_node_id = node
+        ctx.agent.get_agent(name).decide_by(lambda state: state.update(action=5))
+
+    def forbid(ctx):
+        ctx.game.conflicts = Conflicts(1, resolve=by_priority(["red", "blue"]))
+
+    ctx.game.add(forbid, phase="deeds")
+    ctx.game.step()
+    assert {agent.name for agent in ctx.game.agents if agent.current_node_id == 5} == {"a"}
+
+
+def test_the_order_of_play_that_a_rule_sets_in_a_turn_holds_from_the_next_turn_on(ctx):
+    asked = []
+    for name in ("a", "b", "c"):
+        ctx.agent.get_agent(name).decide_by(lambda state: (asked.append(state["name"]), stand(state))[1])
+    ctx.game.add(lambda ctx: setattr(ctx.game, "order", [["blue"], ["red"]]), phase="deeds", name="turn")
+    ctx.game.step()
+    ctx.game.step()
+    assert asked == ["a", "b", "c", "b", "c", "a"]
+
+
+def test_a_game_that_a_rule_ends_in_a_part_of_a_turn_skips_the_later_parts(ctx):
+    asked = []
+    for name in ("a", "b", "c"):
+        ctx.agent.get_agent(name).decide_by(lambda state: (asked.append(state["name"]), stand(state))[1])
+    ctx.game.order = [["blue"], ["red"]]
+    ctx.game.add(lambda ctx: ctx.game.end("enough"), phase="deeds", name="end")
+    assert not ctx.game.step()
+    assert asked == ["b", "c"]
+    assert ctx.game.turn == 1
+
+
+def test_a_shipped_rule_that_is_called_by_hand_does_what_it_does_as_a_rule(ctx):
+    by_hand = tag("red", "blue", score=2)
+
+    def call(ctx):
+        by_hand(ctx)
+
+    ctx.game.add(call, name="by hand")
+    ctx.game.run(30)
+    called = [dict(event) for event in ctx.game.events], dict(ctx.game.scores)
+    ctx.game.reset()
+    ctx.game.remove("by hand")
+    ctx.game.add(tag("red", "blue", score=2))
+    ctx.game.run(30)
+    assert called == ([dict(event) for event in ctx.game.events], dict(ctx.game.scores))
+    assert called[1]["red"] > 0
