@@ -128,7 +128,8 @@ class AgentColumns:
             log.append(node)
         self._origins[row] = self._nodes[row]
         self._nodes[row] = node
-        self._note(row)
+        self.version += 1  # NOTE: not by `_note`, which a subclass could replace (benchmarks: the loop)
+        self._changed.add(row)
         return 0
 
     def _note(self, row: int) -> int:

@@ -160,9 +160,11 @@ class TurnEngine(GameTurn):
 
     def _made_of(self, block: AgentBlock) -> tuple[Any, ...]:
         """Return what an order depends on besides the agents, to compare."""
-        state = self._state
-        is_public = not (state.agent_facts or state.team_facts)
-        return block, self._phase.setting_changes, state.stream_version, is_public
+        return block, self._phase.setting_changes, self._state.stream_version, self._is_public()
+
+    def _is_public(self) -> bool:
+        """Return whether all facts are known to all agents."""
+        return not (self._state.agent_facts or self._state.team_facts)
 
     def _new_order(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
         """Return a new order of turns; see `_made_of`."""
@@ -294,7 +296,7 @@ class TurnEngine(GameTurn):
             shows_blocked: whether an agent is blocked now, or was before.
         """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
-        if self._order_of and self._order_of != self._made_of(self._ctx.agent.block):
+        if self._order_of and self._order_of[-1] != self._is_public():
             self.forget_plan()
         order = self.order() if drawn else self.order_now
         if order is None:
