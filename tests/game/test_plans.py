@@ -88,10 +88,15 @@ def test_the_order_of_play_that_a_rule_sets_in_a_turn_holds_from_the_next_turn_o
     asked = []
     for name in ("a", "b", "c"):
         ctx.agent.get_agent(name).decide_by(lambda state: (asked.append(state["name"]), stand(state))[1])
-    ctx.game.add(lambda ctx: setattr(ctx.game, "order", [["blue"], ["red"]]), phase="deeds", name="turn")
-    ctx.game.step()
-    ctx.game.step()
-    assert asked == ["a", "b", "c", "b", "c", "a"]
+
+    def turn(ctx):
+        if ctx.game.turn == 0:
+            ctx.game.order = [["blue"], ["red"]]
+
+    ctx.game.add(turn, phase="deeds")
+    for _ in range(3):
+        ctx.game.step()
+    assert asked == ["a", "b", "c", "b", "c", "a", "b", "c", "a"]
 
 
 def test_a_game_that_a_rule_ends_in_a_part_of_a_turn_skips_the_later_parts(ctx):

@@ -406,6 +406,7 @@ class TurnEngine(GameTurn):
         """Notice that a rule has changed the order of play."""
         if self._settings.order is not order.groups:
             self.order_now = None
+            self.plan_now = None
 
     def _show(self) -> None:
         """Show the end of the turn in pictures, windows and recordings."""
