@@ -1,6 +1,8 @@
 """The plan of a turn: its phases are kept until something changes that they depend on."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
 from gamms.rules import Conflicts, by_priority, tag
@@ -108,6 +110,40 @@ def test_a_game_that_a_rule_ends_in_a_part_of_a_turn_skips_the_later_parts(ctx):
     assert not ctx.game.step()
     assert asked == ["b", "c"]
     assert ctx.game.turn == 1
+
+
+@given(st.lists(st.lists(st.sampled_from("abcd"), max_size=3, unique=True), min_size=3, max_size=12))
+def test_agents_that_die_and_return_play_as_if_each_turn_had_a_plan_of_its_own(changes):
+    """Setting a team, to what it is, ends all plans that are kept."""
+    played = []
+    for has_new_plans in (False, True):
+        with gamms.create_context(seed=5, logger_config={"level": "CRITICAL"}) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+            states = []
+
+            def note(state, states=states):
+                state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
+                states.append(
+                    (state["name"], state["curr_pos"], state["blocked"], state["draw"].random(), *state["legal"])
+                )
+                state["action"] = state["draw"].choice(state["legal"])
+
+            for i, name in enumerate("abcd"):
+                eyes = ctx.sensor.create_sensor(name, "agent_range", sensor_range=12.0)
+                ctx.agent.create_agent(name, start_node_id=2 * i, team="rb"[i % 2], strategy=note, sensors=[eyes])
+            ctx.game.conflicts = Conflicts(1, resolve=by_priority(["r", "b"]), allow_swaps=False)
+            ctx.game.add(tag("r", "b", hops=1, then="eliminate"))
+            for names in changes:
+                for name in names:
+                    one = ctx.agent.get_agent(name)
+                    (ctx.game.eliminate if one.alive else ctx.game.respawn)(one)
+                if has_new_plans:
+                    ctx.agent.get_agent("a").team = "r"
+                ctx.game.step()
+            game = ctx.game
+            data = [agent.state.get("sensor") for agent in game.agents]
+            played.append((states, game.events, game.scores, game.result().agents, dict(game.memories), data))
+    assert played[0] == played[1]
 
 
 def test_a_shipped_rule_that_is_called_by_hand_does_what_it_does_as_a_rule(ctx):

@@ -21,7 +21,7 @@ from gamms.core.agents import MoveColumns
 from gamms.core.contacts import NodeNumbers
 from gamms.core.turn import NodeConflicts
 from gamms.errors import BadType, BadValue, UnknownName, nearest
-from gamms.game.order import TurnOrder
+from gamms.game.order import InConflict, TurnOrder
 from gamms.ir.graph import GraphColumns, IntArray, as_node_id
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -272,10 +272,12 @@ class TurnConflicts:
         self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
         self._allows_swaps: object = None  # as it was then
+        self._forgotten = 0  # how often the seed has changed
 
     def forget(self) -> None:
         """Draw by the present seed of the context from now on."""
         self._order = None
+        self._forgotten += 1
 
     def check_teams(self, conflicts: IConflicts, order: TurnOrder) -> None:
         """Refuse living agents on the ground whose team has no rank; call it before each turn.
@@ -313,7 +315,12 @@ class TurnConflicts:
         """
         allows_swaps = getattr(conflicts, "allow_swaps", None)
         if order is not self._order or conflicts is not self._conflicts or allows_swaps != self._allows_swaps:
-            self._agents = self._agents_of(conflicts, order, ctx)
+            made_for = order.in_conflict
+            if made_for.conflicts is not conflicts or made_for.key != (allows_swaps, self._forgotten):
+                agents = self._agents_of(conflicts, order, ctx)
+                made_for = InConflict(conflicts, (allows_swaps, self._forgotten), agents)
+                order.in_conflict = made_for
+            self._agents = made_for.agents
             self._order = order
             self._conflicts = conflicts
             self._allows_swaps = allows_swaps

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -167,6 +167,21 @@ class TurnPart:
         return [values[i] for i in self.on_ground]
 
 
+class InConflict(NamedTuple):
+    """The agents of an order with conflicts.
+
+    Attributes:
+        conflicts: the conflicts.
+        key: the other data that the agents depend on.
+        agents: the agents in the form of the core; None: the core does not find the conflicts. Any: the class imports
+            this module.
+    """
+
+    conflicts: object
+    key: object
+    agents: Any
+
+
 class TurnOrder:
     """The living agents in the order of names, with data that each turn needs.
 
@@ -190,13 +205,14 @@ class TurnOrder:
         moving: all agents in the form of the core.
         blocked: (agents,) the number of stopped moves of each agent that is not yet in its counts.
         structure_version, rows_version: versions of the agents.
+        in_conflict: the agents as `TurnConflicts` has made them for this order.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
         *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
-        *("has_deeds", "has_parts", "moving", "parts", "rows_version", "selection", "slots"),
+        *("has_deeds", "has_parts", "in_conflict", "moving", "parts", "rows_version", "selection", "slots"),
         *("structure_version", "unlisted", "whole"),
     )
 
@@ -212,6 +228,7 @@ class TurnOrder:
         self.slots = slots
         self.block = block
         self.structure_version = block.structure.version
+        self.in_conflict = InConflict(None, None, None)
         self.rows_version = block.rows.version
         self.groups = order
         self.has_channels = bool(settings.channels)
@@ -240,6 +257,7 @@ class TurnOrder:
         new = np.zeros(len(change.rows), np.int32)
         self._moved = change.of_array(before._moved, new)
         self.blocked = change.of_array(before.blocked, new)
+        before.restart_counts()  # its agents may be those of a later turn again
 
     @property
     def names(self) -> list[str]:

@@ -33,6 +33,7 @@ from gamms.typing.game import AerialState, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+_MOST_KEPT = 1 << 16  # agents in orders that are kept
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
@@ -117,6 +118,8 @@ class TurnEngine(GameTurn):
         self._loop: EventLoop | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
         self._epoch = -1  # of the order
+        self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
+        self._kept_of: tuple[Any, ...] = ()  # what these orders depend on
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.prepared = -1
         self.refusals: Refusals | None = None
@@ -150,12 +153,35 @@ class TurnEngine(GameTurn):
         if order is None or self._epoch != self._phase.epoch or order.block is not block:
             made_of = self._made_of(block)
             if order is None or self._order_of != made_of or order.structure_version != block.structure.version:
-                with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
-                    order = self._new_order(block, made_of)
+                order = self._order_of_living(block, made_of)
                 self.order_now = order
                 self._order_of = made_of
                 self.near = self._ctx.graph.graph.neighborhoods
             self._epoch = self._phase.epoch
+        return order
+
+    def _order_of_living(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
+        """Return the order of the agents that are alive now; see `_made_of`.
+
+        Agents that die and return make few sets, so the orders of these sets are kept.
+        """
+        key = *made_of, block.structure.others
+        if key != self._kept_of or self.order_now is None:
+            self._kept.clear()
+            self._kept_of = key
+        lives = bytes(block.alive)
+        order = self._kept.get(lives)
+        if order is not None:
+            self.update_counts()
+            order.structure_version = block.structure.version
+            for slot in order.slots.made():
+                slot.show_blocked()
+            return order
+        with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
+            order = self._new_order(block, made_of)
+        if (len(self._kept) + 1) * len(order.slots) > _MOST_KEPT:
+            self._kept.clear()
+        self._kept[lives] = order
         return order
 
     def _made_of(self, block: AgentBlock) -> tuple[Any, ...]:
@@ -405,7 +431,7 @@ class TurnEngine(GameTurn):
     def _end_moves(self, order: TurnOrder) -> None:
         """Notice that a rule has changed the order of play."""
         if self._settings.order is not order.groups:
-            self.order_now = None
+            self.order_now = None  # the next order has other parts
             self.plan_now = None
 
     def _show(self) -> None:

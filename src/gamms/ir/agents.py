@@ -293,7 +293,9 @@ class AgentBlock(AgentColumns):
             self.number_teams((value,))
         if _COLUMNS[column].is_watched:
             self._note(row)
-        if _COLUMNS[column].is_structure:
+        if column == "alive":
+            self.structure.note_lives((row,))
+        elif _COLUMNS[column].is_structure:
             self.structure.note((row,))
         if column == "node":
             self.placed.add(row)

@@ -47,20 +47,27 @@ class StructureLog:
 
     Attributes:
         version: a number that increases with each recorded row.
+        others: the version of the last change other than that agents died or returned.
         phase: the phase of the context, whose epoch rises with it.
     """
 
-    __slots__ = ("_closed", "_first", "_rows", "phase", "version")
+    __slots__ = ("_closed", "_first", "_rows", "others", "phase", "version")
 
     def __init__(self) -> None:
         self._first = 0  # version before the first entry
         self.version = 0
+        self.others = 0
         self._rows: list[int | str] = []
         self._closed: list[tuple[int, list[int]]] = []  # (version, rows closed up at this version)
         self.phase: DecidePhase = UNDECIDED
 
     def note(self, rows: Iterable[int]) -> None:
         """Record changes of these rows."""
+        self.note_lives(rows)
+        self.others = self.version
+
+    def note_lives(self, rows: Iterable[int]) -> None:
+        """Record that the agents in these rows have died or returned."""
         self._rows += rows
         self.version = self._first + len(self._rows)
         self.phase.epoch += 1
@@ -71,6 +78,7 @@ class StructureLog:
         """Record that all rows may have changed, and may have other agents, since a version."""
         self._first = version + 1
         self.version = self._first
+        self.others = self.version
         self.phase.epoch += 1
         self._rows = []
         self._closed = []

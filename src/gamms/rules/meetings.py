@@ -692,7 +692,8 @@ class GameContacts(MovesForRules):
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
         self.by_metres = ctx.game.speed_unit != "edges"
-        self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and its version
+        self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and the version of their set
+        self._lives: tuple[AgentBlock, int] | None = None  # the block, and the version of their lives
         self._roster: Roster | None = None
 
     def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
@@ -765,8 +766,13 @@ class GameContacts(MovesForRules):
         """Take the present agents."""
         block = ctx.agent.block
         self.epoch = self.phase.epoch
-        agents = block, block.structure.version
-        if agents == self._agents:
+        if self._lives == (block, block.structure.version):
+            return
+        self._lives = block, block.structure.version
+        agents = block, block.structure.others
+        if self._agents == agents and self._roster is not None:
+            self._roster.take_lives(block)
+            self.forget()
             return
         self._agents = agents
         roster = self._roster
