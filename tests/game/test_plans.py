@@ -101,6 +101,32 @@ def test_the_order_of_play_that_a_rule_sets_in_a_turn_holds_from_the_next_turn_o
     assert asked == ["a", "b", "c", "b", "c", "a", "b", "c", "a"]
 
 
+def test_moves_are_counted_in_a_turn_in_which_a_rule_sets_the_order_of_play(ctx):
+    def turn(ctx):
+        if ctx.game.turn == 1:
+            ctx.game.order = [["blue"], ["red"]]
+
+    ctx.game.add(turn, phase="deeds")
+    ctx.game.run(4)
+    assert [agent["moves"] for agent in ctx.game.result().agents.values()] == [4, 4, 4]
+
+
+def test_the_node_below_a_drone_follows_it_while_the_plan_stays(ctx):
+    def fly(state):
+        state["action"] = (10.0, 0.0, 0.0)
+
+    ctx.agent.create_agent("drone", type="AERIAL", start_node_id=0, speed=15.0, strategy=fly)
+    below = []
+    ctx.game.add(lambda ctx: below.append(ctx.game.internals.state.moves.starts[3]), name="look")
+    drone = ctx.agent.get_agent("drone")
+    before = [0]
+    for _ in range(3):
+        ctx.game.step()
+        before.append(drone.current_node_id)
+    assert below == before[:-1]
+    assert len(set(before)) == 3
+
+
 def test_a_game_that_a_rule_ends_in_a_part_of_a_turn_skips_the_later_parts(ctx):
     asked = []
     for name in ("a", "b", "c"):

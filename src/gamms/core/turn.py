@@ -608,6 +608,8 @@ class GameTurn:
         """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
         phase = self.phase
         answers = self.answers
+        if order.block.flyers:
+            order.block.locate()  # the nodes below
         asked = part.in_core
         if asked is None or asked.version != phase.sensor_changes:
             asked = part.prepare(order, phase.sensor_changes)

@@ -166,7 +166,7 @@ class TurnEngine(GameTurn):
         Agents that die and return make few sets, so the orders of these sets are kept.
         """
         key = *made_of, block.structure.others
-        if key != self._kept_of or self.order_now is None:
+        if key != self._kept_of:
             self._kept.clear()
             self._kept_of = key
         lives = bytes(block.alive)
@@ -430,8 +430,10 @@ class TurnEngine(GameTurn):
 
     def _end_moves(self, order: TurnOrder) -> None:
         """Notice that a rule has changed the order of play."""
-        if self._settings.order is not order.groups:
-            self.order_now = None  # the next order has other parts
+        if self._settings.order is not order.groups:  # the next order has other parts
+            self._order_of = ()
+            self._kept_of = ()
+            self._epoch = -1
             self.plan_now = None
 
     def _show(self) -> None:
