@@ -118,13 +118,9 @@ def test_the_node_below_a_drone_follows_it_while_the_plan_stays(ctx):
     ctx.agent.create_agent("drone", type="AERIAL", start_node_id=0, speed=15.0, strategy=fly)
     below = []
     ctx.game.add(lambda ctx: below.append(ctx.game.internals.state.moves.starts[3]), name="look")
-    drone = ctx.agent.get_agent("drone")
-    before = [0]
     for _ in range(3):
         ctx.game.step()
-        before.append(drone.current_node_id)
-    assert below == before[:-1]
-    assert len(set(before)) == 3
+    assert below == [0, 1, 3]
 
 
 def test_a_game_that_a_rule_ends_in_a_part_of_a_turn_skips_the_later_parts(ctx):
