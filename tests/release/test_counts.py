@@ -104,7 +104,6 @@ def test_a_turn_allocates_little_and_keeps_little(ctx):
     assert (after - before) / (TURNS * AGENTS) <= 100  # 90, of which 60 once
 
 
-@pytest.mark.skipif(not gamms.core.is_compiled, reason="the interpreted core makes calls of its own")
 def test_a_turn_of_a_small_game_makes_few_calls():
     teams = {team: {"count": 5, "strategy": "gamms.strategies:random_walk"} for team in ("red", "blue")}
     rules = [
@@ -127,4 +126,4 @@ def test_a_turn_of_a_small_game_makes_few_calls():
             ctx.game.run(max_turns=TURNS)
         finally:
             sys.setprofile(None)
-    assert calls / TURNS <= 129  # 114; of these 31 by strategies and their draws
+    assert calls / TURNS <= (85 if gamms.core.is_compiled else 290)  # 73 and 264; 31 by strategies and their draws

@@ -155,6 +155,8 @@ cdef class PathsBySlot:
     cpdef int take(self, i64 i, TurnPaths paths, i64 row, i64 room, object roads) except -1
     @cython.locals(paths=TurnPaths)
     cpdef progress(self, i64 i)
+    @cython.locals(paths=TurnPaths, leg=i64, begin=double, end=double, share=double)
+    cpdef place_at(self, i64 i, double time)
 
 
 cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil

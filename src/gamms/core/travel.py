@@ -183,7 +183,7 @@ class TurnPaths:
         Args:
             rows: the number of rows.
             most: the maximum number of legs in a row.
-            ints: memory for integers; what is left is for routes.
+            ints: memory for integers; the rest is for routes.
             floats: memory for floats.
         """
         legs = rows * most
@@ -977,6 +977,18 @@ class PathsBySlot:
             return self.make_progress(paths.node[i], paths.edge[i], paths.share[i])
         source, target, id = roads.edge_ids[paths.edge[i]]
         return self.make_progress(source, target, paths.share[i], id, self.motions[paths.motion[i]])
+
+    def place_at(self, i: int, time: float) -> Any:
+        """Return the position of an agent on its last leg at a time of the turn; None: it is on a node."""
+        paths = self.core
+        leg = i * paths.most + paths.legs[i] - 1
+        begin = paths.begins[leg]
+        end = paths.ends[leg]
+        share = share_at(begin, end, paths.since[leg], paths.until[leg], time)
+        if share <= 0.0 or share >= 1.0:
+            return None
+        source, target, id = self.maps[i].edge_ids[paths.edges[leg]]
+        return self.make_progress(source, target, share, id, self.motions[motion_of(begin, end)])
 
 
 def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:

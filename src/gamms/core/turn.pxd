@@ -149,7 +149,7 @@ cdef class RuleMoves:
     @cython.locals(game=MovesForRules)
     cpdef bint has_room(self) except -1
     @cython.locals(found=RuleOfGame, kept=dict)
-    cpdef made(self, object ctx, object form, object key)
+    cpdef get_rule(self, object ctx, object form, object key)
 
 
 cdef class MovesForRules:

@@ -237,7 +237,7 @@ class PartInCore:
     Attributes:
         individuals: the agents with a strategy of their own.
         sensors, numbers: for each of them, its sensors and the index of its slot.
-        looks: for each group of equal sensors of them, a function that returns what they share.
+        looks: for each group of equal sensors of them, a function that returns their shared search.
         version: the version of the sensors.
         moving: all agents.
         count: the number of all agents.
@@ -474,7 +474,7 @@ class GameTurn:
         raise NotImplementedError
 
     def _ask_plans(self, answers: Any, part: Any, seen: Any) -> None:
-        """Call the plans of a part; see `ask_part`."""
+        """Call the plans of a part; see `_ask_part`."""
         raise NotImplementedError
 
     def _await_answers(self, answers: Any) -> None:
@@ -829,7 +829,7 @@ class RuleMoves:
         is_enough: bool = self.numbers.count <= known.most_numbers
         return is_enough
 
-    def made(self, ctx: Any, form: Any, key: Any) -> Any:
+    def get_rule(self, ctx: Any, form: Any, key: Any) -> Any:
         """Return the rule of a form, ready to be played."""
         while True:
             if not self.has_room():
@@ -837,7 +837,7 @@ class RuleMoves:
             known = self.rules
             found = known.kept.get(key)
             if found is None:
-                found = known.made(form, key)
+                found = known.make(form, key)
             for function in found.in_each_turn:
                 function(ctx)
             if self.numbers.count <= known.most_numbers:  # no further nodes were numbered
@@ -966,7 +966,7 @@ class GamePlayer:
             game = self.find_game(self.ctx)
             self.game = game
         moves = game.turn(self.ctx) if self.follows else game.any_moves(self.ctx)
-        rule = moves.made(self.ctx, self.form, self.key)
+        rule = moves.get_rule(self.ctx, self.form, self.key)
         if self.play is None:
             rule.play(self.ctx)
         else:

@@ -98,8 +98,6 @@ class TurnEngine(GameTurn):
         self._ctx = ctx
         self._host: Any = ctx  # whose engines may be of the user's classes
         self._settings = settings
-        self._state = state
-        self._phase = phase
         self.rules = rules
         self.collectors = collectors
         self.observers = list[Observer]()
@@ -131,37 +129,38 @@ class TurnEngine(GameTurn):
     @property
     def is_playing(self) -> bool:
         """Whether a turn is being played, including its rules, by the thread that has set this."""
-        return self._phase.player is not None
+        return self.phase.player is not None
 
     @is_playing.setter
     def is_playing(self, is_playing: bool) -> None:
-        self._phase.player = get_ident() if is_playing else None
+        self.phase.player = get_ident() if is_playing else None
 
     @property
     def sensor_changes(self) -> int:
         """The number of changes of sensor settings, and of added and removed sensors."""
-        return self._phase.sensor_changes
+        changes: int = self.phase.sensor_changes
+        return changes
 
     def order(self) -> TurnOrder:
         """Return the living agents in the order of a turn."""
         order: TurnOrder | None = self.order_now
-        if order is not None and self._phase.agent is not None:
+        if order is not None and self.phase.agent is not None:
             return order  # nothing changes while agents decide
         block = self._ctx.agent.block
         if block.flyers:
             block.locate()
-        if order is None or self._epoch != self._phase.epoch or order.block is not block:
-            made_of = self._made_of(block)
+        if order is None or self._epoch != self.phase.epoch or order.block is not block:
+            made_of = self._get_order_key(block)
             if order is None or self._order_of != made_of or order.structure_version != block.structure.version:
                 order = self._order_of_living(block, made_of)
                 self.order_now = order
                 self._order_of = made_of
                 self.near = self._ctx.graph.graph.neighborhoods
-            self._epoch = self._phase.epoch
+            self._epoch = self.phase.epoch
         return order
 
     def _order_of_living(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
-        """Return the order of the agents that are alive now; see `_made_of`.
+        """Return the order of the agents that are alive now; see `_get_order_key`.
 
         Agents that die and return make few sets, so the orders of these sets are kept.
         """
@@ -184,16 +183,16 @@ class TurnEngine(GameTurn):
         self._kept[lives] = order
         return order
 
-    def _made_of(self, block: AgentBlock) -> tuple[Any, ...]:
+    def _get_order_key(self, block: AgentBlock) -> tuple[Any, ...]:
         """Return what an order depends on besides the agents, to compare."""
-        return block, self._phase.setting_changes, self._state.stream_version, self._is_public()
+        return block, self.phase.setting_changes, self.state.stream_version, self._is_public()
 
     def _is_public(self) -> bool:
         """Return whether all facts are known to all agents."""
-        return not (self._state.agent_facts or self._state.team_facts)
+        return not (self.state.agent_facts or self.state.team_facts)
 
     def _new_order(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
-        """Return a new order of turns; see `_made_of`."""
+        """Return a new order of turns; see `_get_order_key`."""
         settings = self._settings
         refuse_unused(settings)
         before = None if self._order_of != made_of else self.order_now
@@ -207,14 +206,14 @@ class TurnEngine(GameTurn):
 
     def forget_plan(self) -> None:
         """Check what the plan depends on before the next turn, because other data than the agents may have changed."""
-        self._phase.epoch += 1
+        self.phase.epoch += 1
 
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order whose agents are alive again."""
         order.structure_version = self._ctx.agent.block.structure.version
         self.order_now = order
-        self._order_of = self._made_of(order.block)
-        self._epoch = self._phase.epoch
+        self._order_of = self._get_order_key(order.block)
+        self._epoch = self.phase.epoch
         self.near = self._ctx.graph.graph.neighborhoods
 
     @property
@@ -226,7 +225,7 @@ class TurnEngine(GameTurn):
         """Return the living agents in the order of names."""
         agents = self._ctx.agent
         order = self.order_now
-        if order is not None and self._phase.agent is not None:
+        if order is not None and self.phase.agent is not None:
             return [*order.living]
         block = agents.block
         if order is not None and order.block is block and order.structure_version == block.structure.version:
@@ -246,7 +245,7 @@ class TurnEngine(GameTurn):
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
         found = {}
-        with self._phase.suspended(changes_world=False):
+        with self.phase.suspended(changes_world=False):
             block = self._ctx.agent.block
             progress = block.on_edge(block.row_of(agent.name))
             place = None if progress is None else self.travel.roads.located(progress)
@@ -282,9 +281,9 @@ class TurnEngine(GameTurn):
 
     def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
-        if self._phase.agent is not None:
+        if self.phase.agent is not None:
             return  # nothing changes while agents decide
-        state = self._state
+        state = self.state
         since = self._departure
         self._departure = self._ctx.agent.storage.last_departure
         if state.has_begun or state.turn:
@@ -309,7 +308,7 @@ class TurnEngine(GameTurn):
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
         self.update_counts()
-        if self.order_now is None or self.order_now.slots.table.turn != self._state.turn:
+        if self.order_now is None or self.order_now.slots.table.turn != self.state.turn:
             return {}
         each = {slot.name: slot.marks() for slot in self.order_now.slots.made()}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
@@ -380,7 +379,7 @@ class TurnEngine(GameTurn):
     def plan(self) -> TurnPlan:
         """Return the phases of a turn; the same until the epoch rises."""
         plan: TurnPlan | None = self.plan_now
-        if plan is None or plan.epoch != self._phase.epoch or plan.order is not self.order():
+        if plan is None or plan.epoch != self.phase.epoch or plan.order is not self.order():
             plan = self._new_plan(self.order())
             self.plan_now = plan
         return plan
@@ -402,7 +401,7 @@ class TurnEngine(GameTurn):
             entries += [self._entry(phase, number) for phase in PHASES_OF_GAME if needed.get(phase)]
         if order.has_channels:
             entries.append(self._entry("send", len(order.parts)))
-        return TurnPlan(self._phase.epoch, order, entries)
+        return TurnPlan(self.phase.epoch, order, entries)
 
     def _entry(self, phase: str, part: int) -> Entry:
         time, play = self._phases[phase]
@@ -442,17 +441,17 @@ class TurnEngine(GameTurn):
 
     def _collect(self) -> None:
         """Collect the values of the turn."""
-        self.collectors.collect(self._state.turn, self._ctx, self.living)
+        self.collectors.collect(self.state.turn, self._ctx, self.living)
 
     def _act(self, number: int) -> None:
         """Let rules refuse moves and deeds, and execute deeds."""
-        turn: TurnMoves = self._state.moves
+        turn: TurnMoves = self.state.moves
         if turn.order.has_deeds or self.rules.now.act_before_moves:
             self._do_deeds(turn, turn.order.parts[number])
 
     def _join(self, number: int) -> None:
         """Add the moves of a part to those of the whole turn."""
-        turn: TurnMoves = self._state.moves
+        turn: TurnMoves = self.state.moves
         parts = turn.order.parts
         turn.go_in_part(number, len(parts), parts[number].members)
         if number > self.first:
@@ -460,18 +459,18 @@ class TurnEngine(GameTurn):
             whole.then(turn, number)
             turn = whole
         self.whole = turn
-        self._state.moves = turn
+        self.state.moves = turn
 
     def _send(self, number: int) -> None:  # noqa: ARG002 - as all phases
         """Send the messages of the turn."""
-        state = self._state
+        state = self.state
         if self.outboxes.outgoing:
             state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        self.rules.apply(phase, self._state)
-        self._state.timings["rules"] += perf_counter() - began
+        self.rules.apply(phase, self.state)
+        self.state.timings["rules"] += perf_counter() - began
 
     def _do_deeds(self, turn: TurnMoves, part: TurnPart) -> None:
         """Call the rules that refuse moves and deeds, log the remaining deeds, and call the rules that execute deeds.
@@ -485,15 +484,15 @@ class TurnEngine(GameTurn):
             else:
                 self._note_illegal(turn.slots[i], why)
         deeds = turn.deeds
-        number = self._state.turn + 1
+        number = self.state.turn + 1
         revision = self._ctx.graph.graph.revision
-        self._state.deeds += [
+        self.state.deeds += [
             {"turn": number, "agent": deed.agent, "deed": deed.kind, "at": deed.at, **deed.values} for deed in deeds
         ]
-        if not rules.apply("deeds", self._state):
+        if not rules.apply("deeds", self.state):
             return
         turn = turn.on(self.order())
-        self._state.moves = turn
+        self.state.moves = turn
         turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
             for i in self.cut_off(turn):
@@ -506,7 +505,7 @@ class TurnEngine(GameTurn):
         refusals = Refusals(turn)
         self.refusals = refusals
         try:
-            rules.check(self._state)
+            rules.check(self.state)
         finally:
             self.refusals = None
         return refusals.take_back(members)
@@ -517,14 +516,14 @@ class TurnEngine(GameTurn):
         return [i for i in closed if turn.stop(i)]
 
     def _block(self, slot: AgentSlot, why: str) -> None:
-        slot.set_blocked(self._state.blocked.add(slot.name, why))
+        slot.set_blocked(self.state.blocked.add(slot.name, why))
 
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
-            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
+            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self.state.turn)
         self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)
@@ -544,7 +543,7 @@ class TurnEngine(GameTurn):
         self._ask_plans(decisions, part, seen)
 
     def _ask_plans(self, decisions: Decisions, part: TurnPart, seen: dict[int, Any] | None) -> None:
-        """Call the plans of the teams of a part; see `ask_part`."""
+        """Call the plans of the teams of a part; see `_ask_part`."""
         slots = decisions.slots
         for commanded in part.commanded:
             if commanded.plan.arrays:
@@ -647,12 +646,12 @@ class TurnEngine(GameTurn):
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
         slot.counts["illegal"] += 1
-        error = {"turn": self._state.turn, "agent": slot.name, "kind": "illegal", "message": message}
-        self._state.errors.append(error)
+        error = {"turn": self.state.turn, "agent": slot.name, "kind": "illegal", "message": message}
+        self.state.errors.append(error)
         self._block(slot, message)
 
     def _forget_blocked(self, order: TurnOrder, part: TurnPart) -> None:
-        blocked = self._state.blocked
+        blocked = self.state.blocked
         slots = order.slots
         members = part.members
         if len(members) == len(slots):
@@ -692,7 +691,7 @@ class TurnEngine(GameTurn):
     ) -> memoryview:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts: Any = self._settings.conflicts  # there are some
-        turn = self._state.turn
+        turn = self.state.turn
         try:
             return self._conflicts.losers(conflicts, order, turn, places, named, self._ctx)
         except Exception as error:

@@ -541,7 +541,8 @@ class TurnPositions:
     def pass_time(self, time: float) -> None:
         """Advance the time of the turn."""
         self.time = time
-        self._block._note_rows(self._departed)
+        if self._departed:
+            self._block._note_rows(self._departed)
         self._departed.clear()
 
     def arrive(self, row: int, node: int) -> None:

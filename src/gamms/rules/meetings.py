@@ -35,6 +35,7 @@ from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import BY_IDS, GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
+from gamms.game.turn import TurnEngine
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
@@ -232,7 +233,7 @@ class GameRules(RuleBuilder):
         self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
         self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
 
-    def made(self, form: Form, key: Hashable) -> "GameRule":
+    def make(self, form: Form, key: Hashable) -> "GameRule":
         """Make the rule of a form, and keep it; `key`: see `made_for`."""
         if len(self.kept) == _MOST_RULES:
             self.kept.clear()
@@ -670,6 +671,7 @@ class GameContacts(MovesForRules):
     """
 
     pieces: core.MotionIntervals
+    turns: TurnEngine
 
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
         self.edges = TraveledEdges(ctx)
@@ -680,7 +682,6 @@ class GameContacts(MovesForRules):
         self.pieces = motion_intervals(0, 0)
         self._most = 0
         self.graph = graph
-        self._engine = parts.turns
         self._changes = _road_changes(ctx)
         self.place = cache(self._place)
         self.lines = core.Polylines()
@@ -776,7 +777,7 @@ class GameContacts(MovesForRules):
             return
         self._agents = agents
         roster = self._roster
-        self._engine.note_departed()
+        self.turns.note_departed()
         gone = dict.fromkeys(team for team, _ in self.state.departed.values())
         if roster is None or not roster.is_of(block, gone):
             roster = Roster(block, gone, roster)
@@ -877,7 +878,7 @@ def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = 
     """
     game = _game_of(ctx)
     turn: Any = game.turn(ctx) if follows else game.any_moves(ctx)
-    found: GameRule = turn.made(ctx, form, id(form) if key is None else key)
+    found: GameRule = turn.get_rule(ctx, form, id(form) if key is None else key)
     return found
 
 

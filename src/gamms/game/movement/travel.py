@@ -186,8 +186,7 @@ class GamePaths(core.PathsBySlot):
     def _make_room(self, most: int) -> None:
         """Allocate memory for `most` legs of each agent."""
         self._most = most
-        self._memory = _memory_of(len(self.maps), most, 0)
-        self.core = core.TurnPaths(len(self.maps), most, *self._memory)
+        self.core = core.TurnPaths(len(self.maps), most, *_memory_of(len(self.maps), most, 0))
         self._read: _PathColumns | None = None
 
     @property
@@ -218,12 +217,13 @@ class GamePaths(core.PathsBySlot):
         self.reserve(len(path))
         ahead, covered = (0, 0.0) if progress is None else (progress.target, progress.share)
         core.begin(self.core, i, path[-1], 0, covered, Motion.NONE, 0.0, nan, 0)
-        self._columns.edge[i] = ahead
-        self._columns.passed[i] = len(path)
+        columns = self._columns
+        columns.edge[i] = ahead
+        columns.passed[i] = len(path)
         first = i * (self._most + 1)
         last = first + len(path)
-        self._columns.nodes[first:last] = array(INT64, path)
-        self._columns.times[first:last] = _evenly(len(path)) if times is None else array("d", times)
+        columns.nodes[first:last] = array(INT64, path)
+        columns.times[first:last] = _evenly(len(path)) if times is None else array("d", times)
         self.maps[i] = BY_IDS
 
     def stand(self, i: int, place: tuple[int, int, float], back: int, roads: RoadIds) -> None:
@@ -302,36 +302,28 @@ class GamePaths(core.PathsBySlot):
         roads = self.maps[i]
         if roads is None:
             return None
+        columns = self._columns
         first = i * (self._most + 1)
-        last = first + self._columns.passed[i]
+        last = first + columns.passed[i]
         ids = roads.ids
-        path = [ids[node] for node in self._columns.nodes[first:last]]
-        return Track(tuple(path), tuple(self._columns.times[first:last]), tuple(self.legs_of(i)))
+        path = [ids[node] for node in columns.nodes[first:last]]
+        return Track(tuple(path), tuple(columns.times[first:last]), tuple(self.legs_of(i)))
 
     def _nodes_beyond(self, i: int) -> list[int]:
         """Return the ids of the nodes on the path of an agent over nodes, beyond the first."""
+        columns = self._columns
         first = i * (self._most + 1)
-        ahead = [self._columns.edge[i]] if self._columns.share[i] else []
-        return [*self._columns.nodes[first + 1 : first + self._columns.passed[i]], *ahead]
-
-    def place_at(self, i: int, time: float) -> Progress | None:
-        """Return the position of an agent on its last leg at a time of the turn; None: it is on a node."""
-        leg = i * self._most + self._columns.legs[i] - 1
-        edges, _, begins, ends, since, until = self._columns[-6:]
-        share = core.share_at(begins[leg], ends[leg], since[leg], until[leg], time)
-        if not 0.0 < share < 1.0:
-            return None
-        roads: Any = self.maps[i]
-        source, target, id = roads.edge_ids[edges[leg]]
-        return Progress(source, target, share, id, _MOTIONS[core.motion_of(begins[leg], ends[leg])])
+        ahead = [columns.edge[i]] if columns.share[i] else []
+        return [*columns.nodes[first + 1 : first + columns.passed[i]], *ahead]
 
     def legs_of(self, i: int) -> list[Leg]:
         """Return the legs of an agent with a path."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
-        edges, backs, begins, ends, since, until = self._columns[-6:]
+        columns = self._columns
+        edges, backs, begins, ends, since, until = columns[-6:]
         roads: Any = self.maps[i]
         legs = list[Leg]()
-        for place in range(i * self._most, i * self._most + self._columns.legs[i]):
+        for place in range(i * self._most, i * self._most + columns.legs[i]):
             source, target, id = roads.edge_ids[edges[place]]
             back = None if backs[place] < 0 else roads.edge_ids[backs[place]][2]
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
