@@ -1,10 +1,17 @@
 """The rows of the agents: columns that are written one by one and read as arrays."""
 
+import copy
+import pickle
+import sys
+import threading
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gamms
+from gamms.core.agents import NodeNumbers, number_nodes
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
@@ -89,7 +96,8 @@ def read(columns):
 
 def test_many_agents_move_like_one_after_the_other(columns):
     columns.move_all(Selection([3, 1]), [7, 101])
-    assert ([*columns.node[:4]], [*columns.previous[:4]]) == ([100, 101, 102, 7], [100, 101, 102, 103])
+    nodes = [columns.node_of(row) for row in range(4)]
+    assert (nodes, [columns.previous_of(row) for row in range(4)]) == ([100, 101, 102, 7], [100, 101, 102, 103])
 
 
 @given(data=st.data(), size=st.integers(1, 9))
@@ -104,9 +112,9 @@ def test_any_agents_move_at_once_as_one_after_the_other_but_for_those_that_stay(
         nodes = data.draw(st.lists(st.integers(0, 9), min_size=len(rows.rows), max_size=len(rows.rows)))
         together.move_all(rows, nodes)
         for row, node in zip(rows.rows, nodes, strict=True):
-            if apart.node[row] != node:
+            if apart.node_of(row) != node:
                 apart.move(row, node)
-        assert (together.node, together.previous) == (apart.node, apart.previous)
+        assert places_of(together) == places_of(apart)
         changed = log.take()
         assert changed is None or changed >= set(rows.rows)
     if size > 2:  # more rows than those that it was last used for
@@ -114,9 +122,13 @@ def test_any_agents_move_at_once_as_one_after_the_other_but_for_those_that_stay(
         apart.add("late", 5)
         together.move_all(moving[0], [3] * len(moving[0].rows))
         for row in moving[0].rows:
-            if apart.node[row] != 3:
+            if apart.node_of(row) != 3:
                 apart.move(row, 3)
-        assert (together.node, together.previous) == (apart.node, apart.previous)
+        assert places_of(together) == places_of(apart)
+
+
+def places_of(block):
+    return [(block.node_of(row), block.previous_of(row)) for row in range(len(block))]
 
 
 def some_of(rows):
@@ -138,7 +150,7 @@ VERBS = st.one_of(
 
 @given(verbs=st.lists(VERBS, max_size=12), later=st.lists(VERBS, max_size=12))
 def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, later):
-    block, copy = AgentBlock(), AgentBlock()
+    block, twin = AgentBlock(), AgentBlock()
     for row in range(6):
         block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
     positions = Positions(block)
@@ -146,10 +158,10 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
         getattr(block, verb)(*given_to_it)
     before, nodes, placed = read(block), positions.node_ids.tolist(), block.placed.copy()
     values, structure = block.values(), block.structure_values()
-    copy.take_all(block)
+    twin.take_all(block)
     for verb, *given_to_it in later:
         getattr(block, verb)(*given_to_it)
-    assert read(copy) == before
+    assert read(twin) == before
     block.restore(values, structure)
     assert (read(block), positions.node_ids.tolist(), block.placed) == (before, nodes, placed)
     assert block.inactive == {row for row, lives in enumerate(before["alive"]) if not lives}
@@ -182,3 +194,83 @@ def test_positions_by_the_default_of_the_contract_are_those_of_the_engine(ctx, a
     assert (fast.names, fast.teams, fast.inactive) == (slow.names, slow.teams, slow.inactive)
     for column in ("node_ids", "flyers", "flyer_xyz"):
         assert getattr(fast, column).tolist() == getattr(slow, column).tolist()
+
+
+# -- numbers of nodes ---------------------------------------------------------------------------------------------
+
+
+@given(ids=st.lists(st.integers(-(2**63), 2**63 - 1), unique=True, max_size=150), more=st.lists(st.integers(0, 200)))
+def test_nodes_have_their_places_as_numbers_and_others_the_next_ones(ids, more):
+    numbers = number_nodes(np.array(ids, np.int64).data)
+    assert [numbers.number(id) for id in ids] == list(range(len(ids)))
+    others = list(dict.fromkeys(id for id in more if id not in ids))
+    assert [numbers.number(id) for id in others] == list(range(len(ids), len(ids) + len(others)))
+    again = pickle.loads(pickle.dumps(numbers))
+    assert [again.number(id) for id in ids + others] == list(range(again.count))
+    assert copy.deepcopy(numbers) is numbers
+
+
+def test_agents_share_the_numbers_of_their_map(ctx):
+    ctx.agent.create_agent("anna", start_node_id=1, team="red")
+    ctx.agent.create_agent("bert", start_node_id=3, team="blue")
+    ctx.game.add(gamms.rules.tag("red", "blue"))
+    ctx.game.step()
+    assert ctx.agent.block.numbers is ctx.graph.graph.node_numbers
+    assert ctx.game.fork(1).ctx.agent.block.numbers is ctx.agent.block.numbers
+
+
+def test_agents_stay_on_their_nodes_when_these_are_removed_or_the_map_is_replaced(ctx):
+    ctx.agent.create_agent("anna", start_node_id=3)
+    before = ctx.game.snapshot()
+    ctx.graph.graph.remove_node(3)
+    assert ctx.agent.get_agent("anna").current_node_id == 3
+    ctx.graph.storage.put(other_map())
+    assert ctx.agent.get_agent("anna").current_node_id == 3
+    ctx.agent.create_agent("bert", start_node_id=1003)
+    ctx.agent.get_agent("anna").current_node_id = 1004
+    assert [one.current_node_id for one in ctx.agent.create_iter()] == [1004, 1003]
+    ctx.game.restore(before)
+    assert [one.current_node_id for one in ctx.agent.create_iter()] == [3]
+
+
+def test_a_team_knows_its_nodes_after_a_reset_to_a_game_without_agents():
+    ids = [10**9 + 7 * place for place in range(50)]
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes(ids, [float(place) for place in range(50)], [0.0] * 50)
+    ctx.game.step()
+    red = ctx.agent.create_team("red", ids[-3:])
+    ctx.game.step()
+    ctx.game.reset()
+    assert red.node_ids.tolist() == [one.current_node_id for one in red.agents] == ids[-3:]
+    ctx.agent.create_agent("new", start_node_id=ids[7])
+    assert red.node_ids.tolist() == ids[-3:]
+
+
+def test_threads_number_nodes_of_a_map_that_they_share():
+    numbers, found = NodeNumbers(), [{} for _ in range(4)]
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+
+    def look_up(thread):
+        for id in range(10**10, 10**10 + 700):
+            found[thread][id] = numbers.number(id)
+
+    try:
+        threads = [threading.Thread(target=look_up, args=(thread,)) for thread in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert found[0] == found[1] == found[2] == found[3]
+    assert sorted(found[0].values()) == list(range(700))
+
+
+def other_map():
+    ctx = gamms.create_context(logger_config={"level": "CRITICAL"})
+    for node in range(9):
+        ctx.graph.graph.add_node({"id": 1000 + node, "x": float(node), "y": 0.0})
+    for node in range(8):
+        ctx.graph.graph.add_edge({"id": node, "source": 1000 + node, "target": 1001 + node, "length": 1.0})
+    return ctx.graph.storage.contents()

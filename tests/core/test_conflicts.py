@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.core.contacts import NodeNumbers
+from gamms.core.agents import NodeNumbers
 
 ODD = [7, -(2**63), 2**63 - 1, 7, 0]
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.core.agents import AgentColumns
+from gamms.core.agents import AgentColumns, NodeNumbers
 from gamms.core.sight import AgentPositions, RangeSearch
 
 LARGE = 1.7e308
@@ -60,6 +60,7 @@ def test_agents_that_went_to_other_nodes_are_found_there(nodes, data):
     at = {node: (float(node), 0.0) for node in range(4)}
     places, sight = sight_of(at, [0] * len(nodes), 0.5)
     columns = AgentColumns()
+    columns.numbers = NodeNumbers(4)
     columns.show(memoryview(np.array(nodes, np.int64)), memoryview(np.zeros(len(nodes), np.int64)))
     assert places.follow(columns) == sum(node != 0 for node in nodes)
     here = data.draw(st.sampled_from(nodes))

@@ -182,7 +182,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     @property
     def prev_node_id(self) -> int:
         """The previous node, initially its own; settable. A stay keeps it in `ctx.game`, but not in custom loops."""
-        return self._block.previous[self._row]
+        return self._block.previous_of(self._row)
 
     @prev_node_id.setter
     def prev_node_id(self, node_id: int) -> None:
@@ -430,8 +430,8 @@ class Agent(BaseAgent):
         place = self._on_edge()
         if place is not None:
             return place.ahead
-        here = block.node[row]
-        before = block.previous[row]
+        here = block.node_of(row)
+        before = block.previous_of(row)
         if here == before:
             return (0.0, 0.0)
         try:

@@ -293,8 +293,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """Add agents without sensors; their objects are created on first access."""
         graph = self._ctx.graph.graph
         block = self._block
-        if block.graph is None:
-            block.graph = graph
+        block.take_graph(graph)
         unknown: Iterable[int] = dict.fromkeys(nodes)
         if len(nodes) > _MANY and not block.trusts_nodes:
             placed = np.array(nodes, np.int64)
@@ -384,7 +383,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """Add a new agent; on an error nothing has changed."""
         block = self._block
         if block.graph is None:
-            block.graph = self._ctx.graph.graph
+            block.take_graph(self._ctx.graph.graph)
         rows = len(block)
         try:
             agent = kind(self._ctx, name, _block=block, **kwargs)
@@ -434,7 +433,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         row = agent._row
         block = self._block
         del self._agents[agent.name]
-        agent._live_in(AgentBlock(block.graph))
+        agent._live_in(AgentBlock(block.graph, numbers=block.numbers))
         for sensor in agent._sensor_list.values():
             agent._clear_owner(sensor)
         self._deleted.add(agent)

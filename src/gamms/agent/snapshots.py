@@ -85,7 +85,8 @@ class AgentsSnapshot:
     @cached_property
     def places(self) -> dict[str, Any]:
         """Name -> the node of the agent, or (x, y, z) of a flying agent."""
-        nodes = self.columns["games"].row("node")
+        ids = self.columns["numbers"].ids
+        nodes = [ids[number] for number in self.columns["games"].row("node")]
         positions = self.columns["position"]
         places = zip(self.names, nodes, positions, strict=True)
         return {name: node if position is None else position for name, node, position in places}

@@ -257,7 +257,14 @@ class Team(ContextPart):
     @property
     def node_ids(self) -> IntArray:
         """The nodes of the members, (agents,) ids; read-only, use `move` to move them."""
-        return _read_only(np.array(self._of_block("node"), np.int64))
+        rows, deleted = self._selection()
+        block = self._block_of()
+        nodes: Any = block.ids_of(rows.of(block.node))
+        if deleted:
+            nodes = [*nodes]
+        for number, agent in deleted.items():
+            nodes.insert(number, agent.current_node_id)
+        return _read_only(np.array(nodes, np.int64))
 
     @property
     def alive(self) -> BoolArray:

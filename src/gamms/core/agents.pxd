@@ -3,6 +3,45 @@ cimport cython
 from gamms.core cimport block as blocks
 
 ctypedef long long i64
+ctypedef unsigned long long u64
+
+cdef u64 MASK, SPREAD
+cdef i64 FIRST_ROOM
+
+
+@cython.final
+cdef class MoveColumns:
+    cdef i64[::1] starts, ends
+
+
+@cython.locals(last=i64, slot=i64)
+cdef i64 find_slot(const i64[::1] slots, const i64[::1] ids, i64 id) except -1 nogil
+
+
+@cython.final
+cdef class NodeNumbers:
+    cdef readonly i64 count, room, dense
+    cdef dict known
+    cdef object lock
+    cdef readonly i64[::1] ids
+    cdef i64[::1] slots
+
+    @cython.locals(ids=i64[::1], slots=i64[::1], number=Py_ssize_t)
+    cpdef int make_room(self, i64 places) except -1
+    @cython.locals(last=i64, slot=i64, number=i64)
+    cpdef Py_ssize_t number(self, i64 id) except -1 nogil
+    @cython.locals(slot=i64)
+    cdef Py_ssize_t add(self, i64 id) except -1 with gil
+    cpdef learn(self, object id)
+    @cython.locals(row=Py_ssize_t)
+    cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
+    cpdef int write_moves(self, MoveColumns moves, MoveColumns numbers) except -1 nogil
+    @cython.locals(row=Py_ssize_t)
+    cpdef int write_ids(self, const i64[::1] numbers, i64[::1] ids) except -1 nogil
+
+
+@cython.locals(dense=i64, places=i64, place=Py_ssize_t)
+cpdef number_nodes(const i64[::1] ids)
 
 
 cdef class AgentColumns:
@@ -12,15 +51,18 @@ cdef class AgentColumns:
     cdef public object under_way
     cdef public bint is_closed, is_noting, _have_all_changed
     cdef public i64 version
+    cdef public NodeNumbers numbers
     cdef object _journal
-    cdef i64[::1] _nodes, _origins
+    cdef i64[::1] _goals, _nodes, _origins
 
-    cpdef i64 move_rows(self, const i64[::1] rows, const i64[::1] ends) except -1
+    cpdef i64 node_of(self, Py_ssize_t row) except? -1
+    cpdef i64 previous_of(self, Py_ssize_t row) except? -1
+    cpdef ids_of(self, object numbers)
     cpdef on_edge(self, Py_ssize_t row)
-    @cython.locals(moved=i64)
+    @cython.locals(moved=i64, goals=i64[::1])
     cpdef int move_all(self, object rows, object ends) except -1
     @cython.locals(log=list, ids=list)
-    cdef int _move(self, Py_ssize_t row, i64 node) except -1
+    cdef int _move(self, Py_ssize_t row, i64 node, i64 number) except -1
     cdef i64 _node_of(self, Py_ssize_t row) except? -1
 
 
@@ -31,11 +73,6 @@ cdef class PointedColumns:
 
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, size=Py_ssize_t, first=Py_ssize_t)
     cpdef int point(self, Py_ssize_t game) except -1
-
-
-@cython.final
-cdef class MoveColumns:
-    cdef i64[::1] starts, ends
 
 
 @cython.final
@@ -60,5 +97,5 @@ cdef class AgentView:
 
     @cython.locals(block=AgentColumns, row=Py_ssize_t, node=i64, seen=list, sensed=dict, state=dict)
     cpdef get_state(self)
-    @cython.locals(block=AgentColumns)
+    @cython.locals(block=AgentColumns, numbers=NodeNumbers)
     cpdef set_state(self)

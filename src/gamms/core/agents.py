@@ -1,5 +1,5 @@
 # cython: binding=False, auto_pickle=False, embedsignature=True, embedsignature.format=clinic
-"""Agents of one game: the columns that moves read and write, and agents as views of one row.
+"""Agents of one game: the columns that moves read and write, numbers of nodes, and agents as views of one row.
 
 A program that loops over its agents calls `get_state` and `set_state` of each; both need only the columns of this
 module. Subclasses handle the rare cases: agents on edges, actions other than node ids, and errors.
@@ -9,17 +9,147 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Hashable
+from threading import Lock
 from typing import Any
 
 from gamms.core import block as blocks
 from gamms.core.block import INT64
+
+MASK = 0xFFFFFFFFFFFFFFFF
+SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
+FIRST_ROOM = 64  # a power of two
+
+
+class MoveColumns:
+    """The ids of the nodes where the agents of one game begin and end a turn."""
+
+    def __init__(self, starts: memoryview[int], ends: memoryview[int]) -> None:
+        self.starts = starts
+        self.ends = ends
+
+
+class NodeNumbers:
+    """Numbers of nodes, or of other things with ids: a hash table in which a new id gets the next number.
+
+    A number is never used again, so it stays valid when its node is removed from a map. Contexts that share a map share
+    its numbers, also in several threads.
+
+    Args:
+        dense: the ids from 0 to `dense - 1` are their own numbers, without a look-up in the table.
+
+    Attributes:
+        ids: (room,) the id of each number; the first `count` are in use.
+        count: the number of ids.
+        room: the maximum number of ids; it grows when necessary.
+        known: id -> number, for ids that are Python objects: those that were looked up so far.
+    """
+
+    def __init__(self, dense: int = 0) -> None:
+        self.dense = dense
+        self.known: dict[int, int] = {}
+        self.lock: Any = Lock()  # of those that add ids
+        self.ids = memoryview(array(INT64, range(dense)))
+        self.count = dense
+        self.make_room(FIRST_ROOM)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return number_nodes, (array(INT64, self.ids[: self.count]),)
+
+    def __deepcopy__(self, memo: Any) -> NodeNumbers:
+        """Return this object: what it knows stays true."""
+        return self
+
+    def make_room(self, places: int) -> int:
+        """Make room for `places` ids beyond the dense ones, a power of two, and keep the existing ones."""
+        ids = memoryview(array(INT64, bytes(8 * (self.dense + places))))
+        ids[: self.count] = self.ids[: self.count]
+        slots = memoryview(array(INT64, b"\xff" * (16 * places)))  # all are -1: free
+        for number in range(self.dense, self.count):
+            slots[find_slot(slots, ids, ids[number])] = number
+        self.room = self.dense + places
+        self.ids = ids  # NOTE: before the slots, for threads that look up ids meanwhile, where the core is interpreted
+        self.slots = slots
+        return 0
+
+    def number(self, id: int) -> int:
+        """Return the number of an id; a new id gets the next number."""
+        if 0 <= id < self.dense:
+            return id
+        last = len(self.slots) - 1
+        slot = (((id * SPREAD) & MASK) >> 32) & last
+        number = self.slots[slot]
+        while number >= 0 and self.ids[number] != id:
+            slot = (slot + 1) & last
+            number = self.slots[slot]
+        return number if number >= 0 else self.add(id)
+
+    def add(self, id: int) -> int:
+        """Return the number of an id that seems to be new: another thread may have added it."""
+        with self.lock:
+            if self.count == self.room:
+                self.make_room(len(self.slots))
+            slot = find_slot(self.slots, self.ids, id)
+            if self.slots[slot] < 0:
+                self.ids[self.count] = id
+                self.slots[slot] = self.count
+                self.count += 1
+            return self.slots[slot]
+
+    def learn(self, id: Any) -> Any:
+        """Return the number of an id as a Python object, and keep it in `known`."""
+        found = self.number(id)
+        self.known[id] = found
+        return found
+
+    def write(self, ids: memoryview[int], numbers: memoryview[int]) -> int:
+        """Write the number of each id to `numbers`."""
+        for row in range(len(ids)):
+            numbers[row] = self.number(ids[row])
+        return 0
+
+    def write_moves(self, moves: MoveColumns, numbers: MoveColumns) -> int:
+        """Write the numbers of the starts and the ends of moves to `numbers`."""
+        self.write(moves.starts, numbers.starts)
+        return self.write(moves.ends, numbers.ends)
+
+    def write_ids(self, numbers: memoryview[int], ids: memoryview[int]) -> int:
+        """Write the id of each number to `ids`."""
+        for row in range(len(numbers)):
+            ids[row] = self.ids[numbers[row]]
+        return 0
+
+
+def find_slot(slots: memoryview[int], ids: memoryview[int], id: int) -> int:
+    """Return the slot of an id in a hash table of `NodeNumbers`, or the free one where it belongs."""
+    last = len(slots) - 1
+    slot = (((id * SPREAD) & MASK) >> 32) & last
+    while slots[slot] >= 0 and ids[slots[slot]] != id:
+        slot = (slot + 1) & last
+    return slot
+
+
+def number_nodes(ids: memoryview[int]) -> NodeNumbers:
+    """Return numbers in which each id has its place in `ids`, (nodes,), if no id is there twice."""
+    dense = 0
+    while dense < len(ids) and ids[dense] == dense:
+        dense += 1
+    found = NodeNumbers(dense)
+    places = FIRST_ROOM
+    while places < len(ids) - dense:
+        places *= 2
+    if places > FIRST_ROOM:
+        found.make_room(places)
+    for place in range(dense, len(ids)):
+        found.number(ids[place])
+    return found
 
 
 class AgentColumns:
     """Columns of the agents of one game, and their moves; a subclass has the other columns and verbs.
 
     Attributes:
-        node, previous: (agents,) the id of the current and of the previous node of each agent.
+        node, previous: (agents,) the number of the current and of the previous node of each agent, see `node_of`.
+        numbers: the numbers of the nodes.
         progress: (agents,) the position of an agent on an edge; None: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
         journal: records the moves.
@@ -31,12 +161,24 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *("_changed", "_have_all_changed", "_journal", "_nodes", "_origins", "is_closed", "is_noting", "node"),
+        *(
+            "_changed",
+            "_goals",
+            "_have_all_changed",
+            "_journal",
+            "_nodes",
+            "_origins",
+            "is_closed",
+            "is_noting",
+            "node",
+            "numbers",
+        ),
         *("previous", "progress", "teams", "travellers", "under_way", "version"),
     )
 
     node: memoryview[int]
     previous: memoryview[int]
+    numbers: NodeNumbers
     progress: list[Any]
     teams: list[Any]
     travellers: set[int]
@@ -59,28 +201,40 @@ class AgentColumns:
         self.is_noting = not journal.is_silent
 
     def show(self, node: memoryview[int], previous: memoryview[int]) -> None:
-        """Use these arrays, (agents,), as the current and the previous nodes of all agents."""
+        """Use these arrays, (agents,), as the numbers of the current and the previous nodes of all agents."""
         self.node = node
         self.previous = previous
         self._nodes = node
         self._origins = previous
+        self._goals = node[:0]
+
+    def node_of(self, row: int) -> int:
+        """Return the id of the node of an agent (IndexError: the row does not exist)."""
+        return self._node_of(row)
+
+    def previous_of(self, row: int) -> int:
+        """Return the id of the previous node of an agent (IndexError: the row does not exist)."""
+        if row < 0 or row >= len(self._origins):
+            raise IndexError(f"There is no agent in row {row}.")
+        return self.numbers.ids[self._origins[row]]
+
+    def put(self, row: int, node: int) -> int:
+        """Set the node of an agent by its id, without noting a change (IndexError: the row does not exist)."""
+        self.node[row] = self.numbers.number(node)
+        return 0
+
+    def ids_of(self, numbers: memoryview[int]) -> memoryview[int]:
+        """Return the ids of nodes; maybe the same array, if ids are numbers."""
+        if self.numbers.count == self.numbers.dense:
+            return numbers
+        ids = memoryview(array(INT64, bytes(8 * len(numbers))))
+        self.numbers.write_ids(numbers, ids)
+        return ids
 
     def move(self, row: int, node: int) -> None:
         """Move an agent on the ground, and store the node that it leaves as its previous node."""
         if not self.is_closed:
-            self._move(row, node)
-
-    def move_rows(self, rows: memoryview[int], ends: memoryview[int]) -> int:
-        """Move agents to nodes without recording it; return the number of agents that change their node.
-
-        Args:
-            rows: (agents,) their rows.
-            ends: (agents,) the ids of the nodes.
-
-        Raises:
-            IndexError: a row does not exist; the agents before it have moved.
-        """
-        return blocks.move_rows(self._nodes, self._origins, rows, ends)
+            self._move(row, node, self.numbers.number(node))
 
     def on_edge(self, row: int) -> Any:
         """Return the position of an agent on an edge; None on a node, or in the air."""
@@ -103,21 +257,26 @@ class AgentColumns:
             return 0
         nodes = memoryview(array(INT64, ends)) if type(ends) is list else ends
         before = rows.of(self.node) if self.is_noting else None
-        moved = blocks.move_rows(self._nodes, self._origins, rows.buffer, nodes)
+        if len(self._goals) < len(nodes):  # NOTE: kept, because to make it takes a twentieth of a turn (w8 one)
+            self._goals = memoryview(array(INT64, bytes(8 * len(nodes))))
+        goals = self._goals[: len(nodes)]
+        self.numbers.write(nodes, goals)
+        moved = blocks.move_rows(self._nodes, self._origins, rows.buffer, goals)
         self.version += 1
         if 2 * len(rows.rows) > len(self._nodes):
             self._have_all_changed = True
         else:
             self._changed.update(rows.as_set)
         if before is not None and moved:
-            self._note_moves(rows, before, nodes, moved)
+            self._note_moves(rows, before, rows.of(self.node), nodes, moved)
         return 0
 
-    def _note_moves(self, rows: Any, before: Any, ends: Any, moved: int) -> None:
-        """Record the moves of the `moved` agents that did not stay."""
+    def _note_moves(self, rows: Any, before: Any, goals: Any, ends: Any, moved: int) -> None:
+        """Record the moves of the `moved` agents that did not stay, given the numbers of nodes, and the ids of ends."""
         raise NotImplementedError
 
-    def _move(self, row: int, node: int) -> int:
+    def _move(self, row: int, node: int, number: int) -> int:
+        """Move an agent to a node, given its id and its number."""
         if row < 0 or row >= len(self._nodes):
             raise IndexError(f"There is no agent in row {row}.")
         if self.is_noting:
@@ -127,7 +286,7 @@ class AgentColumns:
             log.append(ids[row])
             log.append(node)
         self._origins[row] = self._nodes[row]
-        self._nodes[row] = node
+        self._nodes[row] = number
         self.version += 1  # NOTE: not by `_note`, which a subclass could replace (benchmarks: the loop)
         self._changed.add(row)
         return 0
@@ -141,7 +300,7 @@ class AgentColumns:
     def _node_of(self, row: int) -> int:
         if row < 0 or row >= len(self._nodes):
             raise IndexError(f"There is no agent in row {row}.")
-        return self._nodes[row]
+        return self.numbers.ids[self._nodes[row]]
 
 
 class PointedColumns:
@@ -149,7 +308,7 @@ class PointedColumns:
 
     Attributes:
         columns: the columns of the single game.
-        node, previous: (games * agents,) the ids of nodes in all games.
+        node, previous: (games * agents,) the numbers of nodes in all games.
     """
 
     def __init__(self, columns: AgentColumns, node: memoryview[int], previous: memoryview[int]) -> None:
@@ -172,14 +331,6 @@ class PointedColumns:
             columns._nodes[i] = self.node[first + i]
             columns._origins[i] = self.previous[first + i]
         return 0
-
-
-class MoveColumns:
-    """The nodes where the agents of one game begin and end a turn."""
-
-    def __init__(self, starts: memoryview[int], ends: memoryview[int]) -> None:
-        self.starts = starts
-        self.ends = ends
 
 
 class MovingAgents:
@@ -311,7 +462,11 @@ class AgentView:
             self._refuse_without_action()
         # NOTE: a plain node id comes first: it is every move of most games (benchmarks: the loop).
         if type(action) is int and action in self._near:
-            block._move(self._row, action)
+            numbers = block.numbers
+            number = numbers.known.get(action)
+            if number is None:
+                number = numbers.learn(action)
+            block._move(self._row, action, number)
         else:
             self._act(action)
 

@@ -1,7 +1,7 @@
 cimport cython
 
 from gamms.core cimport draws, travel
-from gamms.core.agents cimport MoveColumns
+from gamms.core.agents cimport NodeNumbers
 from gamms.core.travel cimport RoadEdges, TurnPaths
 
 ctypedef unsigned long long u64
@@ -13,8 +13,7 @@ cdef extern from "math.h":
 
 cdef double INFINITE, SLACK
 cdef int ON_NODES, BY_PATHS, ON_WAYS, NEAR_PLACES, ON_LINES, OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
-cdef i64 BACKWARDS, TURNS, UNKNOWN, ON_NODE, LEAVES, FIRST_ROOM, MOST_NEAR
-cdef u64 MASK, SPREAD
+cdef i64 BACKWARDS, TURNS, UNKNOWN, ON_NODE, LEAVES, MOST_NEAR
 
 
 @cython.final
@@ -66,22 +65,6 @@ cdef class NearNodes:
 cdef class NodePositions:
     cdef const i64[::1] numbers
     cdef const double[::1] xyz
-
-
-@cython.final
-cdef class NodeNumbers:
-    cdef readonly i64 count, room
-    cdef i64 dense, places
-    cdef readonly i64[::1] ids
-    cdef i64[::1] slots
-
-    @cython.locals(known=i64[::1], number=Py_ssize_t)
-    cpdef int make_room(self, i64 places) except -1 with gil
-    @cython.locals(last=i64, slot=i64)
-    cpdef Py_ssize_t number(self, i64 id) except -1 nogil
-    cpdef int write_moves(self, MoveColumns moves, MoveColumns numbers) except -1 nogil
-    @cython.locals(row=Py_ssize_t)
-    cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
 
 
 @cython.locals(place=Py_ssize_t)

@@ -11,7 +11,7 @@ from math import fabs, sqrt
 from typing import Any
 
 from gamms.core import draws, travel
-from gamms.core.agents import MoveColumns
+from gamms.core.agents import NodeNumbers
 from gamms.core.travel import RoadEdges, TurnPaths
 
 INFINITE = float("inf")
@@ -23,9 +23,6 @@ TURNS = 2
 UNKNOWN = 4
 ON_NODE = -1  # instead of a leg: the agent is on a node
 LEAVES = -2  # the agent left this node when the turn began
-MASK = 0xFFFFFFFFFFFFFFFF
-SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
-FIRST_ROOM = 64  # a power of two
 MOST_NEAR = 1 << 20  # the maximum number of stored distances, 16 bytes each
 ON_NODES = 0
 BY_PATHS = 1
@@ -536,68 +533,6 @@ class PathSegments:
             return begin
         share = (time - self.since[part]) / (self.until[part] - self.since[part])
         return begin + share * (self.ends[3 * part + axis] - begin)
-
-
-class NodeNumbers:
-    """A hash table that numbers ids in the order of first occurrence.
-
-    Args:
-        dense: the ids from 0 to `dense - 1` are their own numbers, without a look-up in the table.
-
-    Attributes:
-        ids: (room,) the id of each number; the first `count` are in use.
-        count: the number of ids.
-        room: the maximum number of ids; it grows when necessary.
-    """
-
-    def __init__(self, dense: int = 0) -> None:
-        self.dense = dense
-        self.ids = memoryview(array("q"))
-        self.count = 0
-        self.make_room(FIRST_ROOM)
-
-    def make_room(self, places: int) -> int:
-        """Make room for `places` ids beyond the dense ones, a power of two, and keep the existing ones."""
-        known = self.ids[: self.count]
-        self.places = places
-        self.room = self.dense + places
-        self.ids = memoryview(array("q", bytes(8 * self.room)))
-        for number in range(self.dense):
-            self.ids[number] = number
-        self.slots = memoryview(array("q", [-1] * (2 * places)))
-        self.count = self.dense
-        for number in range(self.dense, len(known)):
-            self.number(known[number])
-        return 0
-
-    def number(self, id: int) -> int:
-        """Return the number of an id; a new id gets the next number."""
-        if 0 <= id < self.dense:
-            return id
-        last = 2 * self.places - 1
-        slot = (((id * SPREAD) & MASK) >> 32) & last
-        while self.slots[slot] >= 0 and self.ids[self.slots[slot]] != id:
-            slot = (slot + 1) & last
-        if self.slots[slot] >= 0:
-            return self.slots[slot]
-        if self.count == self.room:
-            self.make_room(2 * self.places)
-            return self.number(id)
-        self.slots[slot] = self.count
-        self.ids[self.count] = id
-        self.count += 1
-        return self.count - 1
-
-    def write_moves(self, moves: MoveColumns, numbers: MoveColumns) -> int:
-        """Write the numbers of the starts and the ends of moves to `numbers`."""
-        self.write(moves.starts, numbers.starts)
-        return self.write(moves.ends, numbers.ends)
-
-    def write(self, ids: memoryview[int], numbers: memoryview[int]) -> int:
-        """Write the number of each id to `numbers`."""
-        for row in range(len(ids)):
-            numbers[row] = self.number(ids[row])
-        return 0
 
 
 class MotionIntervals:

@@ -2,7 +2,7 @@ cimport cython
 
 from gamms.core cimport contacts, draws
 from gamms.core.agents cimport AgentColumns, MoveColumns
-from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, MotionIntervals, Tracks
+from gamms.core.contacts cimport Contacts, Legs, MotionIntervals, Tracks
 
 ctypedef unsigned char u8
 ctypedef unsigned long long u64
@@ -49,7 +49,7 @@ cdef i64 leader(GameColumns games, i64 game) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64, slot=i64)
-cpdef int take_moves(GameColumns games, NodeNumbers numbers, MoveColumns moves, AgentColumns columns, const i64[::1] rows, const i64[::1] slots) except -1
+cpdef int take_moves(GameColumns games, MoveColumns moves, AgentColumns columns, const i64[::1] rows, const i64[::1] slots) except -1
 
 
 cdef class AgentPaths:

@@ -20,7 +20,7 @@ from typing import Any
 
 from gamms.core import contacts, draws
 from gamms.core.agents import AgentColumns, MoveColumns
-from gamms.core.contacts import Contacts, Legs, MotionIntervals, NodeNumbers, Tracks, extended
+from gamms.core.contacts import Contacts, Legs, MotionIntervals, Tracks, extended
 
 # kinds of events
 TAG = 0  # agent, other: whom it tagged, node
@@ -250,7 +250,6 @@ def leader(games: GameColumns, game: int) -> int:
 
 def take_moves(
     games: GameColumns,
-    numbers: NodeNumbers,
     moves: MoveColumns,
     columns: AgentColumns,
     rows: memoryview[int],
@@ -260,18 +259,17 @@ def take_moves(
 
     Args:
         games: the block.
-        numbers: numbers the node ids.
         moves: the start and end of each move.
-        columns: hold the ids of the current nodes.
+        columns: the agents.
         rows: (agents,) the row of each agent in these columns.
         slots: (agents,) the move of each agent; -1: it took no part.
     """
     for agent in range(games.agents):
         node = columns._node_of(rows[agent])
         slot = slots[agent]
-        games.node[agent] = numbers.number(node)
+        games.node[agent] = columns._nodes[rows[agent]]
         games.placed[agent] = slot < 0 or node != moves.ends[slot]
-        games.start[agent] = games.node[agent] if slot < 0 else numbers.number(moves.starts[slot])
+        games.start[agent] = games.node[agent] if slot < 0 else columns.numbers.number(moves.starts[slot])
     return 0
 
 

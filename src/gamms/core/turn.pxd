@@ -1,10 +1,9 @@
 cimport cython
 
 from gamms.core cimport arrivals, conflicts, moves, rules
-from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents
+from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask cimport ask_each
 from gamms.core.conflicts cimport Contests, MoveRequests
-from gamms.core.contacts cimport NodeNumbers
 from gamms.core.rules cimport Events, GameColumns, Rule
 
 ctypedef long long i64

@@ -40,11 +40,10 @@ from time import perf_counter
 from typing import Any
 
 from gamms.core import arrivals, conflicts, moves, rules
-from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents
+from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask import DecidingAgent, SensorCall, ask_each
 from gamms.core.block import INT64
 from gamms.core.conflicts import Contests, MoveRequests
-from gamms.core.contacts import NodeNumbers
 from gamms.core.rules import Events, GameColumns
 
 try:
@@ -802,7 +801,7 @@ class RuleMoves:
             self.slots = self.slots_of(moves.order, columns)
             self.order = moves.order
         taken = moves.in_core() if moves.columns is None else moves.columns
-        rules.take_moves(self.games, self.numbers, taken, columns, self.rows, self.slots)
+        rules.take_moves(self.games, taken, columns, self.rows, self.slots)
         block: Any = columns
         if block.placed:
             self.note_placed(block)

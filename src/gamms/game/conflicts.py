@@ -17,8 +17,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import DescribedFunction, as_choice, as_flag, as_int, as_text, shown_as_called
 from gamms.core import conflicts as core
-from gamms.core.agents import MoveColumns
-from gamms.core.contacts import NodeNumbers
+from gamms.core.agents import MoveColumns, NodeNumbers
 from gamms.core.turn import NodeConflicts
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import InConflict, TurnOrder
@@ -371,7 +370,7 @@ class PlaceNumbers:
     """
 
     def __init__(self, capacities: "_Capacities", ctx: HostContext) -> None:
-        self.nodes = node_numbers(ctx.graph.graph.columns())
+        self.nodes: NodeNumbers = ctx.agent.block.numbers
         self._edges = NodeNumbers()
         self._capacities = capacities
         self.depend_on_map = capacities.depend_on_map
@@ -415,13 +414,6 @@ class PlaceNumbers:
         edges = columns.edge_ids, columns.edge_attributes
         known = self._capacities
         self._limits = np.concatenate((known.nodes.of(self.nodes, *nodes), known.edges.of(self._edges, *edges)))
-
-
-def node_numbers(columns: GraphColumns) -> NodeNumbers:
-    """Return numbers for the nodes of a map: their rows if these are their ids, else in the order of first use."""
-    ids = columns.node_ids
-    are_rows = bool((ids == np.arange(len(ids))).all())
-    return NodeNumbers(len(ids) if are_rows else 0)
 
 
 class _Agents(NodeConflicts):

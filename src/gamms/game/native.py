@@ -259,7 +259,7 @@ class GameInCore:
         values = self._game.internals.state
         with uninterrupted():
             block = self._game.ctx.agent.block
-            before = np.array([block.node, block.previous], np.int64)
+            before = np.array([block.ids_of(block.node), block.ids_of(block.previous)], np.int64)
             self._show_agents()
             self._show_values(values)
             self._show_past(before, turn)

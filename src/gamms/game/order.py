@@ -288,7 +288,7 @@ class TurnOrder:
         version, ends = self._ended
         if version == self.block.version:
             return ends
-        return self.selection.of(self.block.node)
+        return self.block.ids_of(self.selection.of(self.block.node))
 
     def end(self, ends: Any) -> None:
         """Take the nodes to which agents of plans were moved, by slot."""
@@ -345,7 +345,8 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
         return
     block = ctx.agent.block
     has_node = ctx.graph.graph.has_node
-    for name, kind, node, alive in zip(block.names, block.kind, block.node, block.alive, strict=True):
+    nodes = block.ids_of(block.node)
+    for name, kind, node, alive in zip(block.names, block.kind, nodes, block.alive, strict=True):
         if alive and not kind and not has_node(node):
             error.add_note(
                 f"Agent {name!r} is on node {node}, which is not on the map any more: put it on another one, or "

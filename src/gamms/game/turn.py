@@ -237,10 +237,10 @@ class TurnEngine(GameTurn):
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""
-        node = self._ctx.agent.block.node
+        node_of = self._ctx.agent.block.node_of
         order = self.order()
         slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
-        return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in slots}
+        return {slot.name: self._legality.reachable(slot, node_of(slot.row)) for slot in slots}
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
@@ -337,7 +337,7 @@ class TurnEngine(GameTurn):
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current state of an agent; its sensors are called."""
         sensed = self.sensed(slot)
-        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self.answers, self.inboxes)
+        return self.observed(slot, self._ctx.agent.block.node_of(slot.row), sensed, self.answers, self.inboxes)
 
     def sensed(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""

@@ -12,6 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_numbers, as_range
 from gamms.compat import Surface
+from gamms.core.agents import NodeNumbers
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
@@ -68,6 +69,12 @@ class Graph(Surface, Guarded, IGraph):
         """The object that counts the changes, whose `revision` is faster to read; not for strategies."""
         self._phase.refuse("use graph.revised")
         return self._store
+
+    @property
+    def node_numbers(self) -> NodeNumbers:
+        """The numbers that agents have for the nodes; not for strategies."""
+        self._phase.refuse("use graph.node_numbers")
+        return self._store.node_numbers
 
     @property
     def crs(self) -> str | None:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms import kernels
+from gamms.core.agents import NodeNumbers, number_nodes
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
@@ -76,6 +77,7 @@ class GraphStore(SharesTables):
         self.road_changes = 0
         self._changed_roads: deque[Sequence[int]] = deque(maxlen=_MOST_CHANGES)  # the edges of the last road changes
         self.neighborhoods = Neighborhoods(self)
+        self._numbers: NodeNumbers | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -83,6 +85,7 @@ class GraphStore(SharesTables):
         self.stop_sharing()
         self.nodes = NodeTable()
         self.edges = EdgeTable()
+        self._numbers = None
         self.crs: str | None = None
         self.attribution: str | None = None
         self.scenery: str | Scenery | None = None
@@ -91,6 +94,13 @@ class GraphStore(SharesTables):
         self._ground: FloatArray | None = None
         self._ground_key: tuple[int, int, int] | None = None
         self.rows_added()
+
+    @property
+    def node_numbers(self) -> NodeNumbers:
+        """Numbers of the nodes, the rows of the map as it was loaded; they stay until another one replaces it."""
+        if self._numbers is None:
+            self._numbers = number_nodes(self.nodes.array("ids").data)
+        return self._numbers
 
     def columns(self) -> GraphColumns:
         """Return the graph as columns that never change; attribute values are not copied."""
@@ -231,6 +241,7 @@ class GraphStore(SharesTables):
         self.nodes = other.nodes
         self.edges = other.edges
         self.indexes = other.indexes
+        self._numbers = other._numbers
         self.crs = other.crs
         self.attribution = other.attribution
         self.scenery = other.scenery
@@ -248,7 +259,9 @@ class GraphStore(SharesTables):
         if self.stop_sharing():
             columns = self.columns()
             revision = self.revision
+            numbers = self._numbers
             self.replace(columns, self.attribution, self.scenery, self.closed)
+            self._numbers = numbers
             self.revision = revision
             self._columns = columns
         self.indexes.forget = self.neighborhoods.forget

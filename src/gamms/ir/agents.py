@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.core.agents import AgentColumns, MoveColumns, PointedColumns
+from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers, PointedColumns
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
@@ -35,6 +35,7 @@ _SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
 _LISTS = [name for name in BY_ROW if name not in _NUMBERS]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
 _STRUCTURE = [name for name in _LISTS if name not in _PLACES]
+_OF_NODES = ("node", "previous")  # the columns with numbers of nodes
 
 
 class AgentBlock(AgentColumns):
@@ -47,11 +48,12 @@ class AgentBlock(AgentColumns):
     Args:
         graph: finds the nodes below flying agents; None: their nodes are set explicitly.
         journal: records changes.
+        numbers: the numbers of the nodes; None: those of the graph, if it has any.
 
     Attributes:
         names, teams: of each agent; a team is any value set by the caller.
         kind: 0 on the ground, 1 flying: the values of `AgentType`.
-        node, previous: node ids; for a flying agent the nearest nodes below.
+        node, previous: numbers of nodes; for a flying agent the nearest nodes below.
         heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
         position, previous_position: `(x, y, z)` of flying agents, map units; None on the ground.
         quat: unit quaternion `(w, x, y, z)` of flying agents; None on the ground.
@@ -92,7 +94,10 @@ class AgentBlock(AgentColumns):
     alive: memoryview[bool]
     progress: list[Progress | None]
 
-    def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
+    def __init__(
+        self, graph: NodeFinder | None = None, journal: Journal = PLAIN, numbers: NodeNumbers | None = None
+    ) -> None:
+        self.numbers = _numbers_of(graph) if numbers is None else numbers
         for name in _LISTS:
             setattr(self, name, [])
         self.games = Block(IN_GAMES)
@@ -123,6 +128,8 @@ class AgentBlock(AgentColumns):
         for name in names:
             column = getattr(self, name)
             of = _COLUMNS[name]
+            if name in _OF_NODES:
+                column = self.ids_of(column)
             if of.shape:
                 column = [one or (np.nan,) * of.shape[0] for one in column]
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
@@ -144,6 +151,7 @@ class AgentBlock(AgentColumns):
             "_changed",
             "_have_all_changed",
             "journal",
+            "numbers",
             "progress",
             "teams",
             "travellers",
@@ -168,8 +176,8 @@ class AgentBlock(AgentColumns):
         row = self.games.add(1)
         flies = position is not None
         self._show()
-        self.node[row] = node
-        self.previous[row] = node
+        self.put(row, node)
+        self.previous[row] = self.node[row]
         self.kind[row] = flies
         self.alive[row] = True
         given = {"names": name, "teams": team, "speed": speed}
@@ -191,7 +199,7 @@ class AgentBlock(AgentColumns):
         count = len(names)
         first = self.games.add(count)
         self._show()
-        self.node[first:] = as_ids(nodes)
+        self.numbers.write(as_ids(nodes), self.node[first:])
         self.previous[first:] = self.node[first:]
         np.asarray(self.alive)[first:] = True
         for column in _LISTS:
@@ -212,9 +220,11 @@ class AgentBlock(AgentColumns):
 
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Move the agent of a row of another block to this block; return its new row."""
-        new = self.add(source.names[row], source.node[row], position=source.position[row])
+        new = self.add(source.names[row], source.node_of(row), position=source.position[row])
         for name in BY_ROW:
-            getattr(self, name)[new] = getattr(source, name)[row]
+            if name not in _OF_NODES:
+                getattr(self, name)[new] = getattr(source, name)[row]
+        self.previous[new] = self.numbers.number(source.previous_of(row))
         self.number_teams((self.teams[new],))
         self._follow_progress(new)
         if not self.alive[new]:
@@ -226,6 +236,7 @@ class AgentBlock(AgentColumns):
         for name in (*_LISTS, "placed", "team_rows"):
             setattr(self, name, getattr(source, name).copy())
         self.has_teams = source.has_teams
+        self.numbers = source.numbers
         self.games = source.games.copied()
         self._show()
         self._derive()
@@ -254,9 +265,18 @@ class AgentBlock(AgentColumns):
         self.flyers = [*compress(count(), self.kind)] if self.flyers else []
         self._note_all()
 
+    def take_graph(self, graph: NodeFinder) -> None:
+        """Find nodes in a graph, unless another one is known; its numbers of nodes are used if there are no agents."""
+        if self.graph is None:
+            self.graph = graph
+            if not self.names:
+                self.numbers = _numbers_of(graph)
+
     def succeed(self, block: AgentBlock) -> None:
         """Replace another block: use its journal, with new version numbers."""
         self.graph = block.graph
+        if not self.names:
+            self.numbers = block.numbers
         self.journal = block.journal
         self.version = block.version + 1
         self.rows.version = block.rows.version + 1
@@ -268,17 +288,19 @@ class AgentBlock(AgentColumns):
 
     # -- changes ------------------------------------------------------------------------------------------------
 
-    def _note_moves(self, rows: Selection, before: Sequence[int], ends: memoryview[int], moved: int) -> None:
+    def _note_moves(
+        self, rows: Selection, before: Sequence[int], goals: Sequence[int], ends: memoryview[int], moved: int
+    ) -> None:
         """Record the moves of the `moved` agents that did not stay."""
         journal = self.journal
         if not self.has_teams:
-            goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, ends))
+            goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, goals))
             journal.log += chain.from_iterable((journal.ids[row], end) for row, end in goes)
         else:
             goers = rows.ascending
             nodes = rows.in_order(ends)
             if moved < len(rows.rows):
-                has_moved = rows.in_order((np.asarray(before) != ends).data)
+                has_moved = rows.in_order((np.asarray(before) != goals).data)
                 goers = goers[has_moved]
                 nodes = nodes[has_moved]
             journal.moved(goers, nodes)
@@ -288,7 +310,7 @@ class AgentBlock(AgentColumns):
         if self.is_closed:
             return
         journal = self.journal
-        getattr(self, column)[row] = value
+        self._write(row, column, value)
         if column == "teams":
             self.number_teams((value,))
         if _COLUMNS[column].is_watched:
@@ -307,6 +329,10 @@ class AgentBlock(AgentColumns):
             event = CHANGE_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
+
+    def _write(self, row: int, column: str, value: Any) -> None:
+        """Write a value to a column; nodes are given by id."""
+        getattr(self, column)[row] = self.numbers.number(value) if column in _OF_NODES else value
 
     def put_back(self, row: int, node: int) -> None:
         """Place an agent on the ground, dead or alive, on a node, as if it had been there before."""
@@ -338,11 +364,11 @@ class AgentBlock(AgentColumns):
         if self.is_closed:
             return
         journal = self.journal
-        self.previous[row] = self.nearest(row)
+        self.previous[row] = self.numbers.number(self.nearest(row))
         before = self.position[row]
         self.previous_position[row] = before
         if node is not None:
-            self.node[row] = node
+            self.put(row, node)
         elif before is None or position[0] != before[0] or position[1] != before[1]:
             self._unlocated.add(row)
         self.position[row] = position
@@ -361,7 +387,7 @@ class AgentBlock(AgentColumns):
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent without recording the change (used by replay and batches)."""
         for name, value in values.items():
-            getattr(self, name)[row] = value
+            self._write(row, name, value)
             if _COLUMNS[name].is_structure:
                 self.structure.note((row,))
         self.number_teams((self.teams[row],))
@@ -381,7 +407,7 @@ class AgentBlock(AgentColumns):
             self._renew_flyer_nodes()
             if row in self._unlocated:
                 self._locate(row)
-        return self.node[row]
+        return self.node_of(row)
 
     def locate(self) -> None:
         """Update the nodes of all flying agents."""
@@ -403,7 +429,7 @@ class AgentBlock(AgentColumns):
     def _locate(self, row: int) -> None:
         graph = self.graph
         position = self.position[row]
-        node = self.node[row]
+        node = self.node_of(row)
         if graph is not None and position is not None:
             try:
                 node = graph.nearest_node(position[0], position[1])
@@ -411,8 +437,8 @@ class AgentBlock(AgentColumns):
                 if next(graph.get_nodes(), None) is not None:
                     raise
         self._unlocated.discard(row)
-        if node != self.node[row]:
-            self.node[row] = node
+        if node != self.node_of(row):
+            self.put(row, node)
             self._note(row)
 
     @contextmanager
@@ -461,6 +487,7 @@ class AgentBlock(AgentColumns):
         """Return copies of the other data for `restore`: positions and all numbers."""
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
         values["games"] = self.games.copied()
+        values["numbers"] = self.numbers
         return values
 
     def restore(self, values: dict[str, Any], structure: dict[str, list[Any]] | None) -> None:
@@ -471,6 +498,8 @@ class AgentBlock(AgentColumns):
         for name in _PLACES:
             getattr(self, name)[:] = values[name]
         memory = self.games.memory
+        if self.names:
+            self.numbers = values["numbers"]
         self.games.copy_row(0, 0, values["games"])
         if self.games.memory is not memory:
             self._show()
@@ -496,6 +525,12 @@ class AgentBlock(AgentColumns):
         self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
         self._note_all()
+
+
+def _numbers_of(graph: NodeFinder | None) -> NodeNumbers:
+    """Return the numbers of the nodes of a graph; new ones if it has none."""
+    found: NodeNumbers | None = getattr(graph, "node_numbers", None)
+    return NodeNumbers() if found is None else found
 
 
 def as_ids(nodes: Sequence[int]) -> memoryview[int]:
@@ -574,8 +609,9 @@ def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
 
 def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> None:
     """Show the current and the previous nodes of all agents, (agents,) ids by row, without recording changes."""
-    np.asarray(block.node)[:] = node
-    np.asarray(block.previous)[:] = previous
+    ids: Any = np.ascontiguousarray([node, previous], np.int64)
+    block.numbers.write(ids[0].data, block.node)
+    block.numbers.write(ids[1].data, block.previous)
     block._note_all()
 
 

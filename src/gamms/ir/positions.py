@@ -72,12 +72,12 @@ class Positions:
         block = self.block
         if block.flyers:
             block.locate()
-        return block.node
+        return block.ids_of(block.node)
 
     @property
     def previous_nodes(self) -> Sequence[int]:
         """The ids (agents,) of the nodes before their last moves."""
-        return self.block.previous
+        return self.block.ids_of(self.block.previous)
 
     def noted_names(self) -> list[str]:
         """Return the names as a list that is never changed, valid until agents change."""
@@ -94,7 +94,7 @@ class Positions:
         if block.flyers or block.travellers:
             return names, self.places
         # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
-        node = block.node
+        node = block.ids_of(block.node)
         return names, copied_column(node) if block.has_teams else node.tolist()
 
     @property
@@ -103,7 +103,7 @@ class Positions:
 
         Node ids; for flying agents points (x, y, z), for agents on edges their `Progress`.
         """
-        places = self._with_flyers(self.block.node, self.block.position)
+        places = self._with_flyers(self.block.ids_of(self.block.node), self.block.position)
         if self.block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
@@ -112,7 +112,7 @@ class Positions:
     @property
     def previous_places(self) -> MutableSequence[Any]:
         """The positions before the last moves (agents,), in the same form: node ids and points."""
-        return self._with_flyers(self.block.previous, self.block.previous_position)
+        return self._with_flyers(self.block.ids_of(self.block.previous), self.block.previous_position)
 
     def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
         if not (self.block.flyers or self.block.travellers):
@@ -131,7 +131,9 @@ class Positions:
 
     def node_ids_of(self, rows: Sequence[int] | IntArray) -> IntArray:
         """Return the node ids of some agents (rows,), at a cost independent of the number of other agents."""
-        found: IntArray = np.asarray(self.nodes).take(rows)
+        block = self.block
+        block.locate()
+        found: IntArray = np.array(block.ids_of(np.asarray(block.node).take(rows).data), np.int64)
         return found
 
     @property
@@ -192,8 +194,8 @@ class Positions:
     def found(self, rows: list[int]) -> dict[str, int]:
         """Return name -> node id of agents given by rows of the last query."""
         names = self.block.names
-        nodes = self.block.node
-        return {names[row]: nodes[row] for row in rows}
+        node_of = self.block.node_of
+        return {names[row]: node_of(row) for row in rows}
 
     def _catch_up(self) -> None:
         """Read the arrays again if something has changed."""
@@ -201,6 +203,6 @@ class Positions:
         block = self.block
         if version != self._read_at:
             self._read_at = version
-            self._node_ids = _frozen(block.node, np.int64)
+            self._node_ids = _frozen(block.ids_of(block.node), np.int64)
             self._flyers = _frozen(block.flyers, np.int64)
             self._flyer_xyz = _frozen([block.position[row] for row in block.flyers] or _NO_XYZ, np.float64)

@@ -190,7 +190,8 @@ def first_history(ctx: HostContext) -> Keyframe:
 def places_of(ctx: HostContext) -> dict[str, Any]:
     """Return the positions of agents: nodes, or (x, y, z) for flying agents."""
     columns = ctx.agent.block
-    at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
+    nodes = columns.ids_of(columns.node)
+    at = (node if position is None else position for node, position in zip(nodes, columns.position, strict=True))
     return dict(zip(columns.names, at, strict=True))
 
 
@@ -206,9 +207,8 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
     if not columns.flyers:
         return None
     found: dict[str, Any] = {"names": [columns.names[row] for row in columns.flyers]}
-    for name in ("node", "previous"):
-        column = getattr(columns, name)
-        found[name] = np.array([column[row] for row in columns.flyers], np.int64)
+    for name, node_of in {"node": columns.node_of, "previous": columns.previous_of}.items():
+        found[name] = np.array([*map(node_of, columns.flyers)], np.int64)
     return found
 
 

@@ -256,7 +256,7 @@ class LiveAgents(AgentsState):
         block = self._engine.block
         name = self.names[number]
         row = block.row_of(name)
-        before: int = block.node[row]
+        before: int = block.node_of(row)
         block.move(row, node)
         return name, before
 

@@ -391,7 +391,7 @@ class RecordingSession:
         journal = self._journal
         columns = self.ctx.agent.block
         numbers = dict(zip(columns.names, journal.ids, strict=False))
-        nodes = dict(zip(columns.names, columns.node, strict=True))
+        nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
         results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
         if self._following is not None and self._following.edits is None:
             self._begin_with_followers()

@@ -16,6 +16,7 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
+from gamms.core.agents import NodeNumbers
 from gamms.core.rules import Flags, Tagging
 from gamms.core.turn import GamePlayer, MovesForRules, RuleMoves, RuleOfGame
 from gamms.deciding import phase_of
@@ -31,7 +32,6 @@ from gamms.game.block.in_core import (
     motion_intervals,
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
-from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import BY_IDS, GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
@@ -177,16 +177,16 @@ class Roster:
         """Take from the block which agents are alive."""
         self.alive[:] = np.asarray(block.alive)[self.rows]
 
-    def take_nodes(self, block: AgentBlock, numbers: core.NodeNumbers) -> None:
+    def take_nodes(self, block: AgentBlock) -> None:
         """Take the current nodes of the agents."""
-        numbers.write(np.asarray(block.node)[self.rows].data, self._node)
+        self._node[:] = np.asarray(block.node)[self.rows].data
 
     def take_scores(self, scores: Mapping[Any, float]) -> None:
         """Take the scores of the teams."""
         for number, team in enumerate(self.table.teams):
             self._score[number] = scores[team]
 
-    def take_starts(self, ctx: Context, numbers: core.NodeNumbers, agents: Sequence[int]) -> None:
+    def take_starts(self, ctx: Context, numbers: NodeNumbers, agents: Sequence[int]) -> None:
         """Take the start nodes of agents on the ground."""
         for agent in agents:
             self.home[0, agent] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
@@ -511,7 +511,7 @@ class TurnContacts(RuleMoves):
         moves: TurnMoves | None = self.game.state.moves
         block = ctx.agent.block
         paths = None if moves is None else moves.paths
-        self.roster.take_nodes(block, self.numbers)
+        self.roster.take_nodes(block)
         self._moves = moves
         if moves is not None and moves.are_latest(block):
             self._where = self._where_latest(moves)
@@ -659,7 +659,6 @@ class GameContacts(MovesForRules):
 
     Args:
         ctx: the context with the present map.
-        numbers: numbers of the nodes.
 
     Attributes:
         edges: edges that agents have moved along.
@@ -673,12 +672,12 @@ class GameContacts(MovesForRules):
     pieces: core.MotionIntervals
     turns: TurnEngine
 
-    def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
+    def __init__(self, ctx: Context) -> None:
         self.edges = TraveledEdges(ctx)
         graph = self.edges.graph
         parts = ctx.game.internals.parts
         revised = getattr(graph, "revised", graph)
-        super().__init__(phase_of(ctx), parts.state, parts.turns, numbers, revised, graph.revision)
+        super().__init__(phase_of(ctx), parts.state, parts.turns, ctx.agent.block.numbers, revised, graph.revision)
         self.pieces = motion_intervals(0, 0)
         self._most = 0
         self.graph = graph
@@ -824,7 +823,7 @@ class RoadCosts:
         self._searches: dict[float, core.NearNodes] = {}
 
     @classmethod
-    def of(cls, ctx: Context, numbers: core.NodeNumbers, count: int, *, is_plain: bool) -> "RoadCosts":
+    def of(cls, ctx: Context, numbers: NodeNumbers, count: int, *, is_plain: bool) -> "RoadCosts":
         """Return the costs of the roads of a context: their lengths, or 1 if `is_plain`."""
         columns = ctx.graph.graph.columns()
         _, closed = ctx.graph.storage.roads()
@@ -906,9 +905,10 @@ def _game_of(ctx: Context) -> GameContacts:
     if known is None or not known.is_of_map():
         graph = ctx.graph.graph
         by_metres = ctx.game.speed_unit != "edges"
-        if known is not None and known.graph is graph and known.by_metres == by_metres and known.follow_roads():
+        is_same = known is not None and known.graph is graph and known.numbers is ctx.agent.block.numbers
+        if known is not None and is_same and known.by_metres == by_metres and known.follow_roads():
             return known
-        known = GameContacts(ctx, node_numbers(graph.columns()) if known is None else known.numbers)
+        known = GameContacts(ctx)
         internals.kept["contacts"] = known
     return known
 

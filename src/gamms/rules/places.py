@@ -145,10 +145,11 @@ def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
     """Return team -> the nodes of a place on which it has living agents."""
     block = ctx.agent.block
     there: dict[Any, set[int]] = {}
-    for row in [row for row, node in enumerate(block.node) if node in place]:
+    numbers = {block.numbers.number(node) for node in place}
+    for row in [row for row, number in enumerate(block.node) if number in numbers]:
         counts = block.alive[row] and not block.kind[row] and row not in block.removed
         if counts and block.teams[row] is not None:
-            there.setdefault(block.teams[row], set()).add(block.node[row])
+            there.setdefault(block.teams[row], set()).add(block.node_of(row))
     return there
 
 

@@ -264,10 +264,10 @@ class NearbyAgents(sight.AgentIndex):
             one.is_built = False
 
     def _enter(self, positions: Positions, rows: Collection[int]) -> None:
-        nodes = positions.nodes
+        node_of = positions.block.node_of
         sights = list(self.sights.values())
         for row in rows:
-            self.agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
+            self.agents.put(row, node_of(row), is_seen=_is_on_node(positions, row))
             for one in sights:
                 one.move(row)
 
@@ -317,7 +317,7 @@ class AgentsOnEdges:
 
     def sighting(self, positions: Positions, row: int) -> int:
         """Return the reported value of an agent: its last node, with its position on the edge."""
-        node = positions.nodes[row]
+        node: int = positions.block.node_of(row)
         progress = positions.on_edge(row)
         xy = None if progress is None else self.place(positions, row)
         if progress is None or xy is None or not self._edges[row][0].lengths:

@@ -119,7 +119,7 @@ class InitialState:
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = [block.row_of(names[number]) for number in self._agents.tolist()]
         self._alive = np.array([block.alive[row] for row in own], np.bool_)
-        self._places = [rows([int(column[row]) for row in own]) for column in (block.node, block.previous)]
+        self._places = [rows([*map(node_of, own)]) for node_of in (block.node_of, block.previous_of)]
         self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
         self.last_turn: LastTurn | None = None
         self._last_deeds: list[ArrayDeeds] = []
@@ -260,7 +260,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row = block.row_of(agent.name)
-        for node in (game.internals.start_of(agent), block.previous[row]):
+        for node in (game.internals.start_of(agent), block.previous_of(row)):
             if not graph.graph.has_node(node):
                 raise BadValue(
                     f"Node {node}, where agent {shown(agent.name)} started or was before, was removed from the map: a "
@@ -270,7 +270,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if by_metres and place is not None and place.edge not in edges:
             game.internals.state.blocked.add(agent.name, closed_edge(place.source, place.target))
             place = None
-        if not by_metres and place is not None and (agent.speed is None or place.source != block.node[row]):
+        if not by_metres and place is not None and (agent.speed is None or place.source != block.node_of(row)):
             place = None
         block.set_progress(row, place)
 

@@ -1028,8 +1028,8 @@ class Cursor:
             headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
             state.headings[number] = {agent: now for agent, now, first in headings if now != first}
         block.locate()
-        state.node[number, numbers] = state.streets.rows(np.array(block.node))
-        state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
+        state.node[number, numbers] = state.streets.rows(np.array(block.ids_of(block.node)))
+        state.previous[number, numbers] = state.streets.rows(np.array(block.ids_of(block.previous)))
         alive = bytes(block.alive)
         state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
         if not changed:

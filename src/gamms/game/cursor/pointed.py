@@ -409,10 +409,11 @@ class PointedContext:
     def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
         """Return the current and previous nodes of agents in some games, in the order of their rows."""
         state = self._state
-        node, previous = (
-            np.ascontiguousarray(state.streets.ids_of(column[games][:, population.numbers]), np.int64).reshape(-1).data
-            for column in (state.node, state.previous)
-        )
+        numbers = population.block.numbers
+        both = np.array([column[games][:, population.numbers] for column in (state.node, state.previous)], np.int64)
+        ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
+        numbers.write(ids.reshape(-1).data, both.reshape(-1).data)
+        node, previous = (column.reshape(-1).data for column in both)
         return PointedColumns(population.block, node, previous)
 
     def _show_poses(self, number: int) -> None:
