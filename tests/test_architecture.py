@@ -333,7 +333,9 @@ def test_no_package_uses_underscore_names_of_another():
 
 
 PLAYS = {
-    "advances the turn": {"core/moves.py end_part", "core/turn.py play"},  # in the core, and of a game alone
+    "advances the turn": {"core/moves.py end_part", "core/turn.py after"},  # in the core, and of a game alone
+    "plays the phases": {"core/turn.py play_entries"},  # of a game, and of the games of a batch
+    "orders the phases": {"core/turn.py make_plan"},
     "calls a strategy": {
         "agent/agent.py step",  # outside of turns
         "core/ask.py ask_each",
@@ -369,6 +371,10 @@ def steps_of(function):
             yield "advances the turn"
         elif isinstance(node, ast.Call):
             called = ast.unparse(node.func)
+            if called == "entry.play":
+                yield "plays the phases"
+            if called == "Entry":
+                yield "orders the phases"
             if re.search(r"(^|\.)strategy$|^question\.function$", called) and node.args:
                 yield "calls a strategy"
             if called == "now.play" or "named.rule" in (called, *(ast.unparse(one) for one in node.args[:1])):

@@ -48,7 +48,7 @@ class DecidePhase(NotPickled):
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
         epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
-            strategies and sensors; settings, rules, plans and collectors; sensor settings. See `game.turn.TurnPlan`.
+            strategies and sensors; settings, rules, plans and collectors; sensor settings. See `core.turn.TurnPlan`.
         setting_changes: the number of changes of game settings.
         sensor_changes: the number of changes of sensor settings, and of added and removed sensors.
         owner_changes: the number of changes of sensor owners.

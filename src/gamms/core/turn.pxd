@@ -52,6 +52,33 @@ cdef class Entry:
 
 
 @cython.final
+cdef class TurnPlan:
+    cdef readonly i64 epoch
+    cdef readonly object order
+    cdef readonly list entries
+
+
+cdef class TurnDriver:
+    cdef public object phase
+    cdef public dict phases, spent
+    cdef public TurnPlan plan_now
+    cdef public i64 first, part
+
+    cpdef bint before(self) except -1
+    cpdef int begin_moves(self, TurnPlan plan) except -1
+    cpdef int end_moves(self) except -1
+    cpdef int after(self) except -1
+    cpdef int end(self) except -1
+    cpdef bint skips_parts(self) except -1
+    @cython.locals(plan=TurnPlan)
+    cpdef int play_turn(self) except -1
+    @cython.locals(entries=list, played=Py_ssize_t)
+    cpdef int play_moves(self, TurnPlan plan) except -1
+    @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
+    cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
+
+
+@cython.final
 cdef class PartInCore:
     cdef readonly list individuals, sensors, numbers, looks
     cdef readonly MovingAgents moving
@@ -82,20 +109,15 @@ cdef class TurnMovesInCore:
 cdef class NodeConflicts
 
 
-cdef class GameTurn:
-    cdef public object phase, state, make_moves, near, asked_part, travel, order_now, whole
-    cdef public object plan_now, checked, rules, collectors, groups
+cdef class GameTurn(TurnDriver):
+    cdef public object state, make_moves, near, asked_part, travel, order_now, whole
+    cdef public object moves_of, checked, rules, collectors, groups
     cdef public NodeConflicts conflicting
     cdef public list observers
     cdef public Answers answers
-    cdef public i64 part, asked, first, seed_changes
+    cdef public i64 asked, seed_changes
     cdef public bint is_deciding, is_moving
 
-    cpdef int play(self) except -1
-    @cython.locals(entries=list, played=Py_ssize_t)
-    cpdef int play_moves(self, object plan) except -1
-    @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
-    cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)

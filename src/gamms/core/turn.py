@@ -1,37 +1,30 @@
 # cython: binding=False, auto_pickle=False, embedsignature=True, embedsignature.format=clinic
-"""Play turns of one game, or whole games, by functions of the core alone.
+"""The phases of a turn, and the order in which they are played: in one game, and in the games of a batch.
 
-A turn consists of these phases, one after the other. All agents decide before any moves. With
-an order of play, a turn has parts, in which some of the agents decide and move; the rules follow the last part.
+All agents decide before any moves. With an order of play, a turn has parts, in which some of the agents decide and
+move; the rules follow the last part.
 
-| phase    | what happens                                            | method                   |
-|----------|---------------------------------------------------------|--------------------------|
-| decide   | each living agent chooses or is given its move          | `OneEdgeMovers.decide`   |
-| settle   | agents stay that functions have held or put elsewhere   | `OneEdgeMovers.settle`   |
-| give way | agents that lose conflicts stay                         | `OneEdgeMovers.give_way` |
-| move     | agents move; the turn counter advances                  | `OneEdgeMovers.move`     |
-| rules    | the rules are applied in order and may end the game     | `rules.play`             |
+| phase    | what happens                                | in one game      | in a batch  | in the core              |
+|----------|---------------------------------------------|------------------|-------------|--------------------------|
+| before   | rules of the phase "before"                 | `before`         | `before`    |                          |
+| decide   | living agents choose or are given moves     | `play_decisions` | `_decide`   | `OneEdgeMovers.decide`   |
+| act      | rules refuse moves and deeds, and do deeds; | `_act`           | `_act`      | `OneEdgeMovers.settle`   |
+|          | agents that they put elsewhere stay         |                  |             |                          |
+| give way | agents that lose conflicts stay             | `give_way`       | `_give_way` | `OneEdgeMovers.give_way` |
+| move     | agents move                                 | `move`           | `_move`     | `OneEdgeMovers.move`     |
+| join     | the move becomes a part of the turn         | `_join`          |             | `OneEdgeMovers.move`     |
+| send     | messages are sent                           | `_send`          | `_send`     |                          |
+| after    | rules, which may end the game; collectors   | `after`          | `after`     | `rules.play`             |
+| end      | pictures, windows and recordings            | `end`            |             |                          |
 
-Agents that move along several edges, or by metres, override what differs: `by_edges.EdgeMovers`,
-`by_metres.MetreMovers`.
+Turns in which functions are called follow a `TurnPlan`: the phases that they need, for each part. `TurnDriver` plays
+it, in one game (`GameTurn` and `game.turn.TurnEngine`) and in a batch (`game.batch_engine.BatchEngine`). There, an
+entry plays a phase in all games, and the core plays consecutive phases in which no function is called at once.
 
-If functions are called between these phases, all games finish one phase before the next begins: `play_phases`.
-Agents that decide on arrival decide and give way several times per turn: `arrivals.play`, or in phases of their own
-instead of the first, `arrivals.play_phase`.
-
-Games share only the map and the arguments of rules; they can be played in any order and on several threads.
-
-A single game whose functions are called in its turns is a `GameTurn`. Its plan has the phases that it needs, for each
-part of its order of play:
-
-| phase    | what happens                                               | method                    |
-|----------|------------------------------------------------------------|---------------------------|
-| decide   | the agents of a part of the turn observe and decide        | `GameTurn.play_decisions` |
-| act      | rules refuse moves and deeds, and execute deeds            | of a subclass             |
-| give way | agents that lose conflicts stay                            | `GameTurn.give_way`       |
-| move     | the agents of the part move                                | `GameTurn.move`           |
-| join     | the moves of the part are added to those of the whole turn | of a subclass             |
-| send     | messages are sent, after all parts                         | of a subclass             |
+In the core, games share only the map and the arguments of rules; they can be played in any order and on several
+threads. Agents that move along several edges, or by metres, override what differs: `by_edges.EdgeMovers`,
+`by_metres.MetreMovers`. Agents that decide on arrival decide and give way several times per turn: `arrivals.play`, or
+in phases of their own instead of the first, `arrivals.play_phase`.
 """
 
 from __future__ import annotations
@@ -208,9 +201,11 @@ def play_phases_aside(p: Player, phase: int, begin: int, end: int) -> int:
     return 0
 
 
-# -- turns of one game whose functions are called ----------------------------------------------------------------
+# -- the order of phases -------------------------------------------------------------------------------------------
 
-PHASES_OF_GAME = ("decide", "act", "give way", "move", "join", "send")
+PHASES_OF_PART = ("decide", "act", "give way", "move", "join")
+"""The phases of each part of a turn, in order; see the table above."""
+PHASES_OF_PLAN = (*PHASES_OF_PART, "send")
 
 
 class Entry:
@@ -228,6 +223,160 @@ class Entry:
         self.part = part
         self.time = time
         self.play = play
+
+
+class TurnPlan:
+    """The phases that turns need, in order.
+
+    Attributes:
+        epoch: the epoch of the context in which it is valid; see `DecidePhase`.
+        order: the agents of one game; None in batches.
+        entries: the phases.
+    """
+
+    def __init__(self, epoch: int, order: Any, entries: list[Entry]) -> None:
+        self.epoch = epoch
+        self.order = order
+        self.entries = entries
+
+    def entries_from(self, part: int) -> list[Entry]:
+        """Return the phases from a part of the turn on."""
+        return [entry for entry in self.entries if entry.part >= part]
+
+    def entries_after(self, last: Entry) -> list[Entry]:
+        """Return the phases after a phase of this plan or an earlier one."""
+        played = last.part, PHASES_OF_PLAN.index(last.phase)
+        return [one for one in self.entries if (one.part, PHASES_OF_PLAN.index(one.phase)) > played]
+
+
+class TurnDriver:
+    """Plays turns: a subclass has the phases, of one game or of the games of a batch.
+
+    Attributes:
+        phase: the phase of the context, whose epoch says whether a plan is valid.
+        phases: name -> (where its time is counted, the function that plays it, which is called with the part).
+        plan_now: the plan of the last turn; None: there is none.
+        spent: name -> the time that the phases have taken, s.
+        first: the first part of the turn that was not played before.
+        part: the number of the current part, in the order of play.
+    """
+
+    def __init__(self, phase: Any) -> None:
+        self.phase = phase
+        self.phases: dict[str, Any] = {}
+        self.plan_now: TurnPlan | None = None
+        self.spent: dict[str, float] = {}
+        self.first = 0
+        self.part = 0
+
+    def plan(self) -> TurnPlan:
+        """Return the phases of a turn; the same until the epoch rises."""
+        raise NotImplementedError
+
+    def before(self) -> bool:
+        """Apply the rules before the moves; return whether there are moves."""
+        raise NotImplementedError
+
+    def begin_moves(self, plan: TurnPlan) -> int:
+        """Prepare the phases of the plan."""
+        raise NotImplementedError
+
+    def lose_moves(self, error: BaseException) -> None:
+        """Undo what a turn has begun that an error has ended."""
+        raise NotImplementedError
+
+    def end_moves(self) -> int:
+        """Tidy up after the phases of the plan, also after an error."""
+        raise NotImplementedError
+
+    def after(self) -> int:
+        """Apply the rules after the moves, and collect the values of the turn."""
+        raise NotImplementedError
+
+    def end(self) -> int:
+        """Show the end of the turn, also after an error in a rule: the agents have moved."""
+        raise NotImplementedError
+
+    def skips_parts(self) -> bool:
+        """Return whether later parts of the turn are not played."""
+        raise NotImplementedError
+
+    def make_plan(self, order: Any, needed: list[set[str]], sends: bool) -> TurnPlan:
+        """Return a plan.
+
+        Args:
+            order: the agents of one game; None in batches.
+            needed: the phases that each part of the turn needs.
+            sends: whether messages are sent.
+        """
+        each = [(phase, part) for part, several in enumerate(needed) for phase in PHASES_OF_PART if phase in several]
+        if sends:
+            each.append(("send", len(needed)))
+        entries = [Entry(phase, part, *self.phases[phase]) for phase, part in each]
+        return TurnPlan(self.phase.epoch, order, entries)
+
+    def play_turn(self) -> int:
+        """Play a turn; see the table of phases above.
+
+        Raises:
+            BadValue: the order of play lacks a team.
+            MissingKey (KeyError): the priorities of `by_priority` lack a team.
+        """
+        if not self.before():
+            return 0
+        plan = self.plan_now
+        if plan is None or plan.epoch != self.phase.epoch:
+            plan = self.plan()
+        self.begin_moves(plan)
+        try:
+            self.play_moves(plan)
+        except BaseException as error:
+            self.lose_moves(error)
+            raise
+        finally:
+            self.end_moves()
+        try:
+            self.after()
+        finally:
+            self.end()
+        return 0
+
+    def play_moves(self, plan: TurnPlan) -> int:
+        """Let all agents observe, decide and move, part by part."""
+        entries = plan.entries if self.first == 0 else plan.entries_from(self.first)
+        played = self.play_entries(entries, plan.epoch)
+        while played < len(entries):  # a function has changed what the plan depends on
+            last = entries[played - 1]
+            plan = self.plan()
+            entries = plan.entries_after(last)
+            played = self.play_entries(entries, plan.epoch)
+        return 0
+
+    def play_entries(self, entries: list[Entry], epoch: int) -> int:
+        """Play phases one after the other, and count the time that each takes.
+
+        If a rule ends the game, the later parts of the turn are not played.
+
+        Returns:
+            The number of phases played: not all if the epoch of the context has risen.
+        """
+        spent = self.spent
+        phase = self.phase
+        began = perf_counter()
+        for number in range(len(entries)):
+            entry = entries[number]
+            if entry.part > self.part and entry.phase != "send" and self.skips_parts():
+                continue
+            entry.play(entry.part)
+            now = perf_counter()
+            spent[entry.time] += now - began
+            began = now
+            if phase.epoch != epoch:
+                return number + 1
+        return len(entries)
+
+
+# -- turns of one game ---------------------------------------------------------------------------------------------
 
 
 class PartInCore:
@@ -373,16 +522,14 @@ class TurnMovesInCore:
         return self.paths is None or self.paths.are_steps()
 
 
-class GameTurn:
+class GameTurn(TurnDriver):
     """Plays the turns of one game; a subclass has the phases that few games need, and handles uncommon answers.
 
     Attributes:
-        phase: the phase of the context.
         state: the state of the game.
         answers: collects the decisions.
         travel: finds the paths of agents by metres.
         near: node id -> the nodes that are legal along one edge.
-        part: the number of the current part, in the order of play.
         asked: the number of times that the agents of a part were asked to decide.
         asked_part: the order and the agents of the last time; None: there was none.
         is_deciding: whether agents are observing and deciding now.
@@ -390,22 +537,20 @@ class GameTurn:
         seed_changes: the number of changes of the context's seed.
         observers: called in every turn with the agents and their states before any agent decides, in order.
         order_now: the living agents; None: they are not known.
-        plan_now: the plan of the last turn; None: there is none.
+        moves_of: the agents with which the moves of the turn began.
         checked: the last plan whose teams may all play.
         rules, collectors: those of the game.
         groups: the order of play of the current turn.
         conflicting: the agents in the form of the core, if ranks decide conflicts; None: they are not known.
-        first: the first part of the turn that was not played before.
         whole: the moves of the parts of the turn that were played.
         make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
     """
 
     def __init__(self, phase: Any, state: Any, make_moves: Any) -> None:
-        self.phase = phase
+        super().__init__(phase)
         self.state = state
         self.make_moves = make_moves
         self.near: Any = {}
-        self.part = 0
         self.asked = 0
         self.asked_part: Any = None
         self.is_deciding = False
@@ -413,30 +558,21 @@ class GameTurn:
         self.seed_changes = 0
         self.observers: list[Any] = []
         self.order_now: Any = None
-        self.plan_now: Any = None
+        self.moves_of: Any = None
         self.checked: Any = None
         self.rules: Any = None
         self.collectors: Any = None
         self.groups: Any = None
         self.conflicting: NodeConflicts | None = None
-        self.first = 0
         self.whole: Any = None
         self.travel: Any
         self.answers: Any
 
-    def plan(self) -> Any:
-        """Return the phases of a turn; the same until the epoch rises."""
-        raise NotImplementedError
-
-    def _check(self, plan: Any) -> None:
+    def _check(self, plan: TurnPlan) -> None:
         """Refuse to play a plan if a team is left out."""
         raise NotImplementedError
 
-    def _lose(self, error: BaseException, order: Any) -> None:
-        """Undo what a turn has begun that an error has ended."""
-        raise NotImplementedError
-
-    def _end_moves(self, order: Any) -> None:
+    def _follow_order(self) -> None:
         """Notice that a rule has changed the order of play."""
         raise NotImplementedError
 
@@ -488,88 +624,57 @@ class GameTurn:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         raise NotImplementedError
 
-    def play(self) -> int:
-        """Play a turn: its phases in order, then the rules after the moves and the listeners of the end of a turn.
-
-        Raises:
-            BadValue: the order of play lacks a team.
-            MissingKey (KeyError): the priorities of `by_priority` lack a team.
-        """
+    def before(self) -> bool:
+        """Apply the rules before the moves; return whether there are moves."""
         state = self.state
-        rules = self.rules
-        if state.parts_played is None and "before" in rules.now.phases:
+        if state.parts_played is None and "before" in self.rules.now.phases:
             self._apply_rules("before")
-            if state.over is not None:
-                return 0
-        plan = self.plan_now
-        if plan is None or plan.epoch != self.phase.epoch:
-            plan = self.plan()
+            return state.over is None
+        return True
+
+    def begin_moves(self, plan: TurnPlan) -> int:
+        """Refuse a plan in which a team is left out, and prepare its phases."""
         if plan is not self.checked:
             self._check(plan)
             self.checked = plan
-        self.play_moves(plan)
-        state.turn += 1
-        state.parts_played = None
-        try:
-            if "after" in rules.now.phases:
-                self._apply_rules("after")
-            if self.collectors.by_name:
-                self._collect()
-        finally:  # the agents have moved: the turn counts for recordings and windows, too
-            began = perf_counter()
-            self._show()
-            state.timings["draw"] += perf_counter() - began
-        return 0
-
-    def play_moves(self, plan: Any) -> int:
-        """Let all agents observe, decide and move, part by part."""
         order = plan.order
-        entries = plan.entries
+        self.moves_of = order
         self.groups = order.groups
+        self.spent = self.state.timings
         self.first = self.state.parts_played or 0
         self.part = self.first
         self.is_moving = True
         order.block.placed.clear()
-        if self.first > 0:
-            entries = plan.entries_from(self.first)
-        try:
-            played = self.play_entries(entries, plan.epoch)
-            while played < len(entries):  # a function has changed what the plan depends on
-                last = entries[played - 1]
-                plan = self.plan()
-                entries = plan.entries_after(last)
-                played = self.play_entries(entries, plan.epoch)
-        except BaseException as error:
-            self._lose(error, order)
-            raise
-        finally:
-            self.is_moving = False
-            if self.order_now is not order:
-                self._end_moves(order)
         return 0
 
-    def play_entries(self, entries: list[Entry], epoch: int) -> int:
-        """Play phases one after the other, and count the time that each takes.
+    def end_moves(self) -> int:
+        """Tidy up after the phases of the plan."""
+        self.is_moving = False
+        if self.order_now is not self.moves_of:
+            self._follow_order()
+        return 0
 
-        If a rule ends the game, the later parts of the turn are not played.
+    def after(self) -> int:
+        """Count the turn, apply the rules after the moves, and collect the values of the turn."""
+        state = self.state
+        state.turn += 1
+        state.parts_played = None
+        if "after" in self.rules.now.phases:
+            self._apply_rules("after")
+        if self.collectors.by_name:
+            self._collect()
+        return 0
 
-        Returns:
-            The number of phases played: not all if the epoch of the context has risen.
-        """
-        spent = self.state.timings
-        phase = self.phase
+    def end(self) -> int:
+        """Show the end of the turn, also after an error in a rule: the turn counts for recordings and windows."""
         began = perf_counter()
-        for number in range(len(entries)):
-            entry = entries[number]
-            if entry.part > self.part and entry.phase != "send" and self.state.over is not None:
-                continue
-            entry.play(entry.part)
-            now = perf_counter()
-            spent[entry.time] += now - began
-            began = now
-            if phase.epoch != epoch:
-                return number + 1
-        return len(entries)
+        self._show()
+        self.state.timings["draw"] += perf_counter() - began
+        return 0
+
+    def skips_parts(self) -> bool:
+        """Return whether a rule has ended the game."""
+        return self.state.over is not None
 
     def play_decisions(self, number: int) -> int:
         """Let the agents of a part of the turn observe and decide."""

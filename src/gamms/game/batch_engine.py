@@ -1,4 +1,4 @@
-"""Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
+"""Plays all games of a batch in the core, phase by phase where functions are called between its phases."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,6 +10,8 @@ import numpy as np
 
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
+from gamms.core.turn import TurnDriver, TurnPlan
+from gamms.deciding import DecidePhase
 from gamms.errors import GammsError
 from gamms.game.array_functions.given import OutsideActions, as_flights
 from gamms.game.array_functions.turn import ArrayTurn
@@ -90,6 +92,7 @@ class GamesOnOneMap:
         game, state: see above.
         before, deeds: the rules of the phases "before" and "deeds".
         acts: whether functions are called between decisions and moves.
+        has_conflicts: whether functions decide conflicts.
         core: plays the games in the core.
         cursor: calls plain functions; None: there are none.
 
@@ -125,7 +128,7 @@ class GamesOnOneMap:
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
-        self._has_conflicts = has_function_of_conflicts(game, roster)
+        self.has_conflicts = has_function_of_conflicts(game, roster)
         self.acts = acts_before_moves(game, roster)
         self._groups = _groups(roster, settings)
         asked = asked_of(game, roster)
@@ -192,7 +195,7 @@ class GamesOnOneMap:
 
     def asks_at_arrivals(self, *, is_given: bool) -> bool:
         """Return whether functions, or actions from outside, decide for agents on arrival."""
-        return self._at_arrivals and (is_given or self.asks_functions or self._has_conflicts)
+        return self._at_arrivals and (is_given or self.asks_functions or self.has_conflicts)
 
     @property
     def at_rest(self) -> BoolArray | None:
@@ -418,7 +421,7 @@ class GamesOnOneMap:
 
     def give_way_at_arrivals(self, games: IntArray) -> None:
         """Stop the arrived agents that lose conflicts decided by a function."""
-        if self.cursor is not None and self._has_conflicts and len(games):
+        if self.cursor is not None and self.has_conflicts and len(games):
             self.cursor.give_way_at_arrivals(games)
 
     def note_losers(self, games: IntArray) -> None:
@@ -482,12 +485,15 @@ class GamesOnOneMap:
         are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
         return games[np.array(are_other, np.bool_)]
 
-    def stop(self, games: IntArray, changed: IntArray, part: int) -> None:
-        """Keep agents in place whose path was closed, or that lose conflicts decided by a function."""
+    def cut_off(self, changed: IntArray, part: int) -> None:
+        """Keep agents in place whose path was closed in these games."""
         self.core.note_places(are_open=True)
         if self.cursor is not None and len(changed):
             self.cursor.cut_off(changed, part)
-        if self.cursor is not None and self._has_conflicts and len(games) and not self._at_arrivals:
+
+    def give_way(self, games: IntArray, part: int) -> None:
+        """Keep agents in place that lose conflicts decided by a function."""
+        if self.cursor is not None and self.has_conflicts and len(games) and not self._at_arrivals:
             self.cursor.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
@@ -535,11 +541,49 @@ class GamesOnOneMap:
             turn._close()
 
 
-class BatchEngine:
-    """Plays the games of a batch in the core.
+class TurnOfGames:
+    """The turn that games of a batch play now.
 
-    A turn is: array rules of the phase "before", array strategies, all that the core plays, and array rules of the
-    phase "after" between those of the core.
+    Args:
+        playing: (games,) a mask of the games that are played.
+        given: team -> the actions of its agents, which replace their decisions.
+        threads: the number of threads.
+        is_given: (agents,) a mask of the agents with an action from outside.
+        asks_at_arrivals: whether functions, or actions from outside, decide for agents on arrival.
+
+    Attributes:
+        playing, given, threads, is_given, asks_at_arrivals: see the arguments.
+        first: (games,) the first part of the turn that was not played before.
+        begun: (games,) the number of parts of turns that were played before this turn.
+        takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
+        in_part: (games,) a mask of the games that play the current part.
+    """
+
+    first: IntArray
+    begun: IntArray
+    takes: Sequence[BoolArray] | None
+    in_part: BoolArray
+
+    def __init__(
+        self,
+        playing: BoolArray,
+        given: Mapping[Hashable, OutsideActions],
+        threads: int,
+        is_given: BoolArray,
+        *,
+        asks_at_arrivals: bool,
+    ) -> None:
+        self.playing = playing
+        self.given = given
+        self.threads = threads
+        self.is_given = is_given
+        self.asks_at_arrivals = asks_at_arrivals
+
+
+class BatchEngine(TurnDriver):
+    """Plays the games of a batch in the core; see `core.turn` for the phases of a turn.
+
+    The plan is the same in all turns: a game that changes what it depends on leaves the batch.
 
     Args:
         games: the game at its start on each map.
@@ -567,6 +611,15 @@ class BatchEngine:
         rosters: Sequence[AgentTable],
         own: Sequence[FunctionsPerGame],
     ) -> None:
+        super().__init__(DecidePhase())
+        self.spent = dict.fromkeys(PHASES, 0.0)
+        self.phases = {
+            "decide": ("decide", self._decide),
+            "act": ("rules", self._act),
+            "give way": ("resolve", self._give_way),
+            "move": ("apply", self._move),
+            "send": ("apply", self._send),
+        }
         self._map_of = map_of.copy()
         self._num_maps = len(games)
         self._find_games()
@@ -601,6 +654,7 @@ class BatchEngine:
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
         if all(type(movement) is Movement for movement in movements):
             self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
+        self._now: TurnOfGames
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
@@ -741,7 +795,8 @@ class BatchEngine:
         is_single = np.count_nonzero(~self.is_over) == 1
         try:
             with self._interruptible(is_given=len(given) > 0, is_single=is_single):
-                self._play_turn(playing, given, threads)
+                self._begin_turn(playing, given, threads)
+                self.play_turn()
                 if play_others is not None:
                     play_others({**leaving})
         finally:
@@ -785,32 +840,141 @@ class BatchEngine:
             self._can_stop = False
             self._state.stop[0] = 0
 
-    def _play_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
-        """Play one turn of some games, phase by phase on all maps together."""
+    # -- the phases of a turn -----------------------------------------------------------------------------------
+
+    def plan(self) -> TurnPlan:
+        """Return the phases of a turn; always the same."""
+        needed = {"decide", "move"}
+        if self._acts or self._deed_log is not None:
+            needed.add("act")
+        if any(one.has_conflicts for one in self._maps):
+            needed.add("give way")
+        self.plan_now = self.make_plan(None, [needed] * self._num_parts, self._radio is not None)
+        return self.plan_now
+
+    def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
+        """Note which games play a turn, and which actions come from outside."""
         self._state.failures.clear()
         for log in self._logs_of_turn:
             log.begin_turn()
-        if self._has_rules_before:
-            playing = self._call_before(playing, given)
-        for one, games in self._each(playing) if self._leaves_out else ():
-            one.refuse_unlisted(games)
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
         for team, wanted in given.items():
             is_given[wanted.agents(roster, team)] = True
-        ask = None
-        if self._maps[0].asks_at_arrivals(is_given=bool(is_given.any())):
-            ask = partial(self._ask_at_arrivals, is_given=is_given, given=given)
-        elif is_given.any():
-            self._take(playing, given)
-        first = self._block.part.copy()
-        try:
-            self._play_parts(playing, first, is_given, threads, ask)
-        except BaseException:
-            self._block.part[:] = first
-            self._block.held[:] = 0
-            raise
-        self._finish(playing)
+        at_arrivals = self._maps[0].asks_at_arrivals(is_given=len(given) > 0)
+        self._now = TurnOfGames(playing, given, threads, is_given, asks_at_arrivals=at_arrivals)
+
+    def before(self) -> bool:
+        """Call the rules before the moves, and take the given actions."""
+        now = self._now
+        playing = now.playing
+        if self._has_rules_before:
+            playing = self._call_before(playing, now.given)
+        for one, games in self._each(playing) if self._leaves_out else ():
+            one.refuse_unlisted(games)
+        now.playing = playing
+        if now.given and not now.asks_at_arrivals:
+            self._take(playing, now.given)
+        return True
+
+    def begin_moves(self, plan: TurnPlan) -> int:  # noqa: ARG002 - as in one game
+        """Forget the choices of the last turn."""
+        now = self._now
+        if self._state.flights is not None:
+            self._state.flights.forget_choices()
+        self._state.turning.clear()
+        now.first = self._block.part.copy()
+        now.begun = self._state.turn * self._num_parts
+        now.takes = None
+        if now.given or self._asks_functions:
+            now.takes = [one.takes_block(now.is_given) for one in self._maps]
+        self.part = 0
+        return 0
+
+    def lose_moves(self, error: BaseException) -> None:  # noqa: ARG002 - as in one game
+        """Take back the parts of the turn that were played; see `_interruptible`."""
+        self._block.part[:] = self._now.first
+        self._block.held[:] = 0
+
+    def end_moves(self) -> int:
+        """Do nothing."""
+        return 0
+
+    def after(self) -> int:
+        """Call rules and collectors in the games that have moved."""
+        for one, games in self._each(self._now.playing):
+            for named in one.core.play_rules(games):
+                one.call(named, games)
+            if one.cursor is not None:
+                one.cursor.collect(games)
+        if self._radio is not None:
+            self._radio.end_turn()
+        return 0
+
+    def end(self) -> int:
+        """Do nothing: a batch has neither pictures nor recordings."""
+        return 0
+
+    def skips_parts(self) -> bool:
+        """Return False: games in which a rule has ended the game are left out of the later parts."""
+        return False
+
+    def _play_core(self, playing: BoolArray, part: int, phase: int | None) -> None:
+        """Play a phase of a part of the turn in the core; None: all phases; see `_play`."""
+        now = self._now
+        self._play(playing, now.begun + part + 1, now.takes, now.threads, phase)
+
+    def _decide(self, part: int) -> None:
+        """Let the agents of a part of the turn observe and decide; if no function acts before the moves, play these."""
+        now = self._now
+        self.part = part
+        playing: BoolArray = now.playing & (now.first <= part) & self._state.is_going
+        now.in_part = playing
+        play = partial(self._play_core, playing, part)
+        for one, games in self._each(playing):
+            one.leave_closed_edges(games, part)
+        if now.asks_at_arrivals:
+            self._play_arrivals(playing, part, play)
+            return
+        for one, games in self._each(playing) if self._asks_functions or self._state.flights is not None else ():
+            one.decide(games, part, now.is_given)
+        self._play_decisions(playing, part, partial(play, _DECIDE if self._acts else None))
+
+    def _act(self, part: int) -> None:
+        """Call the rules that refuse moves and deeds, log the deeds, and call the rules that execute them."""
+        playing = self._now.in_part
+        for one, games in self._each(playing) if self._acts else ():
+            one.check(games, part)
+        if self._deed_log is not None:
+            self._deed_log.note()
+        if not self._acts:
+            return
+        self._play_core(playing, part, _SETTLE)
+        changed = [one.do_deeds(games, part) for one, games in self._each(playing)]
+        self._play_core(playing, part, _SETTLE)
+        for (one, _), of_map in zip(self._each(playing), changed, strict=True):
+            one.cut_off(of_map, part)
+
+    def _give_way(self, part: int) -> None:
+        """Call the functions that decide conflicts."""
+        for one, games in self._each(self._now.in_part):
+            one.give_way(games, part)
+
+    def _move(self, part: int) -> None:
+        """Move the agents, unless the core has moved them after their decisions; then those that fly."""
+        playing = self._now.in_part
+        if self._acts or self._now.asks_at_arrivals:
+            self._play_core(playing, part, _MOVE)
+        self._state.turn_agents()
+        for one, games in self._each(playing) if self._state.flights is not None else ():
+            one.fly(games, part)
+
+    def _send(self, _: int) -> None:
+        """Send the messages of the turn."""
+        for one, games in self._each(self._now.playing):
+            one.send(games)
+
+    # -- decisions ----------------------------------------------------------------------------------------------
 
     def _take(
         self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None = None
@@ -826,20 +990,14 @@ class BatchEngine:
         for one, games in self._each(playing):
             one.take(games, given, here)
 
-    def _ask_at_arrivals(
-        self,
-        playing: BoolArray,
-        part: int,
-        *,
-        is_given: BoolArray,
-        given: Mapping[Hashable, OutsideActions],
-    ) -> None:
+    def _ask_at_arrivals(self, playing: BoolArray, part: int) -> None:
         """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
+        is_given = self._now.is_given
         here = np.zeros(self._state.node.shape, np.bool_)
         for one, games in self._each(playing):
             here[games] = one.core.deciding(games)
-        if is_given.any():
-            self._take(playing, given, here)
+        if self._now.given:
+            self._take(playing, self._now.given, here)
         for one, games in self._each(playing):
             one.decide(games, part, is_given, here)
 
@@ -863,50 +1021,6 @@ class BatchEngine:
         if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
             return [(one.state, games) for one, games in self._each(playing)]
         return [(self._of_all_maps, np.flatnonzero(playing))]
-
-    def _play_parts(
-        self,
-        playing: BoolArray,
-        first: IntArray,
-        is_given: BoolArray,
-        threads: int,
-        ask: Callable[[BoolArray, int], None] | None,
-    ) -> None:
-        """Play the decisions and moves of each game part by part, from its first unplayed part on.
-
-        Args:
-            playing: (games,) a mask of the games that are played.
-            first: (games,) the first part that was not played.
-            is_given: (agents,) a mask of the agents with an action from outside.
-            threads: the number of threads.
-            ask: calls functions on arrival, in some games and a part of the turn; None: only the core decides on
-                arrival.
-        """
-        begun = self._state.turn * self._num_parts
-        flights = self._state.flights
-        if flights is not None:
-            flights.forget_choices()
-        self._state.turning.clear()
-        takes = None
-        if is_given.any() or self._asks_functions:
-            takes = [one.takes_block(is_given) for one in self._maps]
-        for part in range(self._num_parts):
-            now = playing & (first <= part) & self._state.is_going
-            play = partial(self._play, now, begun + part + 1, takes, threads)
-            for one, games in self._each(now):
-                one.leave_closed_edges(games, part)
-            if ask is not None:
-                self._play_arrivals(now, part, play, ask)
-            else:
-                for one, games in self._each(now) if self._asks_functions or flights is not None else ():
-                    one.decide(games, part, is_given)
-                self._play_decisions(now, part, partial(play, _DECIDE if self._acts else None))
-            self._act(now, part, play)
-            if ask is not None and not self._acts:
-                play(_MOVE)
-            self._state.turn_agents()
-            for one, games in self._each(now) if flights is not None else ():
-                one.fly(games, part)
 
     def _play_decisions(
         self, playing: BoolArray, part: int, play: Callable[[], None], *, is_later: bool = False
@@ -941,16 +1055,13 @@ class BatchEngine:
         for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
             self._maps[self._map_of[flaw.game]].state.refuse(flaw, int(turns[flaw.game]))
 
-    def _play_arrivals(
-        self, playing: BoolArray, part: int, play: Callable[[int], None], ask: Callable[[BoolArray, int], None]
-    ) -> None:
+    def _play_arrivals(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
         """Start the agents of a part of the turn, and ask them again on each arrival until the turn is over.
 
         Args:
             playing: (games,) a mask of the games that are played.
             part: the part of the turn.
             play: plays a phase in the core.
-            ask: calls functions in some games and a part of the turn.
         """
         for one, games in self._each(playing):
             one.begin_arrivals(games)
@@ -963,7 +1074,7 @@ class BatchEngine:
                 self._state.notice_interrupt()
                 now = self._arriving(now)
                 turned = len(self._state.turning)
-                ask(now, part)
+                self._ask_at_arrivals(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
                 for one, games in self._each(now):
                     one.give_way_at_arrivals(games)
@@ -993,38 +1104,6 @@ class BatchEngine:
         for one, games in self._each(playing):
             arriving[one.core.arriving(games)] = True
         return arriving
-
-    def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
-        """Call the functions between decisions and moves, then move the agents.
-
-        Args:
-            playing: (games,) a mask of the games that are played.
-            part: the part of the turn.
-            play: plays a phase in the core.
-        """
-        for one, games in self._each(playing) if self._acts else ():
-            one.check(games, part)
-        if self._deed_log is not None:
-            self._deed_log.note()
-        if not self._acts:
-            return
-        play(_SETTLE)
-        changed = [one.do_deeds(games, part) for one, games in self._each(playing)]
-        play(_SETTLE)
-        for (one, games), of_map in zip(self._each(playing), changed, strict=True):
-            one.stop(games, of_map, part)
-        play(_MOVE)
-
-    def _finish(self, playing: BoolArray) -> None:
-        """Send messages, and call rules and collectors, in games that have moved."""
-        for one, games in self._each(playing):
-            one.send(games)
-            for named in one.core.play_rules(games):
-                one.call(named, games)
-            if one.cursor is not None:
-                one.cursor.collect(games)
-        if self._radio is not None:
-            self._radio.end_turn()
 
     def _admit(self, part: int) -> list[Failure]:
         """Admit the valid messages of a part of the turn; return the errors of the others.

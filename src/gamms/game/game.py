@@ -242,7 +242,7 @@ class Game(Surface, RuleVerbs):
             return False
         phase.player = get_ident()
         try:
-            self._turns.play()
+            self._turns.play_turn()
         finally:
             phase.player = None
         return state.over is None

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from threading import get_ident
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import PHASES_OF_GAME, Entry, GameTurn
+from gamms.core.turn import GameTurn, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
@@ -44,29 +44,6 @@ def closed_edge(source: int, target: int) -> str:
     return f"the edge from node {source} to node {target} was closed"
 
 
-class TurnPlan(NamedTuple):
-    """The phases that the turns of a game need.
-
-    Attributes:
-        epoch: the epoch of the context in which it is valid; see `DecidePhase`.
-        order: the agents.
-        entries: the phases, in order.
-    """
-
-    epoch: int
-    order: TurnOrder
-    entries: list[Entry]
-
-    def entries_from(self, part: int) -> list[Entry]:
-        """Return the phases from a part of the turn on."""
-        return [entry for entry in self.entries if entry.part >= part]
-
-    def entries_after(self, last: Entry) -> list[Entry]:
-        """Return the phases after a phase of this plan or an earlier one."""
-        played = last.part, PHASES_OF_GAME.index(last.phase)
-        return [one for one in self.entries if (one.part, PHASES_OF_GAME.index(one.phase)) > played]
-
-
 class TurnEngine(GameTurn):
     """Plays the turns of one game.
 
@@ -101,7 +78,7 @@ class TurnEngine(GameTurn):
         self.rules = rules
         self.collectors = collectors
         self.observers = list[Observer]()
-        self._phases: dict[str, tuple[str, Callable[[int], object]]] = {
+        self.phases = {
             "decide": ("decide", self.play_decisions),
             "act": ("rules", self._act),
             "give way": ("resolve", self.give_way),
@@ -389,23 +366,12 @@ class TurnEngine(GameTurn):
         self.conflicting = None
         acts = order.has_deeds or self.rules.now.may_act_before_moves
         has_conflicts = self._settings.conflicts is not None
-        entries = []
-        for number, part in enumerate(order.parts):
-            needed = {
-                "decide": True,
-                "act": acts,
-                "give way": has_conflicts and not part.decides_at_arrivals,
-                "move": True,
-                "join": order.has_parts,
-            }
-            entries += [self._entry(phase, number) for phase in PHASES_OF_GAME if needed.get(phase)]
-        if order.has_channels:
-            entries.append(self._entry("send", len(order.parts)))
-        return TurnPlan(self.phase.epoch, order, entries)
-
-    def _entry(self, phase: str, part: int) -> Entry:
-        time, play = self._phases[phase]
-        return Entry(phase, part, time, play)
+        needed = []
+        for part in order.parts:
+            gives_way = has_conflicts and not part.decides_at_arrivals
+            phases = {"decide": True, "act": acts, "give way": gives_way, "move": True, "join": order.has_parts}
+            needed.append({phase for phase, is_needed in phases.items() if is_needed})
+        return self.make_plan(order, needed, order.has_channels)
 
     def _check(self, plan: TurnPlan) -> None:
         """Refuse to play a plan if a team is left out.
@@ -420,16 +386,16 @@ class TurnEngine(GameTurn):
         if self._settings.conflicts is not None:
             self._conflicts.check_teams(self._settings.conflicts, order)
 
-    def _lose(self, error: BaseException, order: TurnOrder) -> None:
+    def lose_moves(self, error: BaseException) -> None:
         """Undo what a turn has begun that an error has ended: the same numbers are drawn when it is repeated."""
         note_lost(error, self._ctx)
         self.outboxes.outgoing = []
-        latest = self.order_now or order
+        latest: TurnOrder = self.order_now or self.moves_of
         latest.slots.table.begin_again()
 
-    def _end_moves(self, order: TurnOrder) -> None:
+    def _follow_order(self) -> None:
         """Notice that a rule has changed the order of play."""
-        if self._settings.order is not order.groups:  # the next order has other parts
+        if self._settings.order is not self.groups:  # the next order has other parts
             self._order_of = ()
             self._kept_of = ()
             self._epoch = -1
