@@ -43,6 +43,22 @@ def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
         games.run()
 
 
+@pytest.mark.parametrize(("count", "radius"), [(650, 40.0), (40, 1e9)])
+def test_any_number_of_agents_chase_and_flee_in_the_core_as_alone(count, radius):
+    teams = {
+        team: {"count": count, "sensors": ["near"], "strategy": f"gamms.strategies:{strategy}"}
+        for team, strategy in (("red", "chase"), ("blue", "flee"))
+    }
+    near = {"type": "AGENT_RANGE", "sensor_range": radius}
+    grid = {"grid": {"width": 30, "height": 30}}  # several agents are at the same x, and on the same node
+    scenario = Scenario(map=grid, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=5)
+    with scenario.batch(2, seed=5) as games:
+        games.run()
+        assert not games.slow
+        for number in range(2):
+            assert games.result(number) == scenario.play(seed=5 + number)
+
+
 def test_agents_on_a_map_without_edges_stay_by_metres():
     scenario = scene(red=1, blue=1, side=1, max_turns=2, settings={"speed_unit": "metres"})
     with scenario.batch(1, strategies={"red": unblock(stay)}) as games:

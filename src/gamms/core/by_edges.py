@@ -117,6 +117,8 @@ class EdgeMovers(OneEdgeMovers):
     def decide(self, games: GameColumns, game: int) -> int:
         """Choose the moves of the living agents in this part of the turn, and write their paths; all others stay."""
         part = self.part[game]
+        if self.kind_ends[moves.IS_GIVEN] < self.kind_ends[moves.STEPS]:
+            strategies.begin(self.by_steps, game)  # type: ignore[arg-type] # there are some
         for i in range(games.agents):
             row = game * games.agents + i
             if part == 0:

@@ -318,6 +318,8 @@ def take_numbers(games: GameColumns, m: OneEdgeMovers, game: int, kind: int, num
 
 def follow_steps(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Choose the nodes of agents that follow the steps of strategies; those that do not decide now stay."""
+    if m.kind_ends[IS_GIVEN] < m.kind_ends[STEPS]:
+        strategies.begin(m.by_steps, game)  # type: ignore[arg-type] # there are some
     at = game * games.agents
     part = m.part[game]
     for place in range(m.kind_ends[IS_GIVEN], m.kind_ends[STEPS]):

@@ -54,15 +54,15 @@ cdef class NodeFeatures:
     cdef float[::1] values
 
 
-@cython.locals(agents=i64, found=i64, row=i64, viewer=i64, first=i64, widest=double, side=i64, rank=i64, other=i64, dx=double)
+@cython.locals(agents=i64, found=i64, row=i64, game=i64, count=i64, place=i64)
 cpdef i64 list_seen(
     strategies.SensorTable looks,
+    strategies.AgentsByX by_x,
     const i64[::1] viewers,
     const i64[::1] team,
     const u8[::1] is_asked,
     const u8[::1] alive,
-    const i64[::1] order,
-    const i64[::1] ranks,
+    i64[::1] seen,
     i64[::1] pairs,
 ) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil

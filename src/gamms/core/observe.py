@@ -197,26 +197,24 @@ class NodeFeatures:
 
 def list_seen(
     looks: strategies.SensorTable,
+    by_x: strategies.AgentsByX,
     viewers: memoryview[int],
     team: memoryview[int],
     is_asked: memoryview[int],
     alive: memoryview[int],
-    order: memoryview[int],
-    ranks: memoryview[int],
+    seen: memoryview[int],
     pairs: memoryview[int],
 ) -> int:
     """Write pairs of observers and visible agents in some games; return their number, those without room included.
 
-    An observer looks to both sides along the x axis, up to its widest radius.
-
     Args:
         looks: the sensors of all agents; its places are the positions of all agents of these games.
+        by_x: the agents of these games.
         viewers: (observers,) their numbers among all agents.
         team: (agents,) the team number of each agent.
         is_asked: (games * observers,) 1: the observer looks.
         alive: (games * agents,) 1: the agent is alive.
-        order: (games * agents,) the agents of each game by ascending x.
-        ranks: (games * agents,) the place of each agent in this order.
+        seen: (agents,) working memory.
         pairs: (room * 3,) receives the game, the observer and the seen agent of each pair.
     """
     agents = len(team)
@@ -224,23 +222,14 @@ def list_seen(
     for row in range(len(is_asked)):
         if not is_asked[row]:
             continue
-        viewer = viewers[row % len(viewers)]
-        first = row // len(viewers) * agents
-        widest = strategies.widest_square(looks, viewer)
-        for side in range(-1, 2, 2):
-            rank = ranks[first + viewer] + side
-            while 0 <= rank < agents:
-                other = order[first + rank]
-                dx = looks.places[2 * (first + other)] - looks.places[2 * (first + viewer)]
-                if dx * dx > widest:
-                    break
-                if alive[first + other] and strategies.shows(looks, viewer, team[other], first + viewer, first + other):
-                    if 3 * found < len(pairs):
-                        pairs[3 * found] = row // len(viewers)
-                        pairs[3 * found + 1] = row % len(viewers)
-                        pairs[3 * found + 2] = other
-                    found += 1
-                rank += side
+        game = row // len(viewers)
+        count = strategies.see(looks, by_x, team, alive, game * agents, viewers[row % len(viewers)], seen)
+        for place in range(count):
+            if 3 * found < len(pairs):
+                pairs[3 * found] = game
+                pairs[3 * found + 1] = row % len(viewers)
+                pairs[3 * found + 2] = seen[place]
+            found += 1
     return found
 
 

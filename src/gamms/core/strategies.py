@@ -97,6 +97,81 @@ class SensorTable:
         self.places = places
 
 
+class AgentsByX:
+    """The agents of games by ascending x, so that those near an agent are found on both sides of it.
+
+    Attributes:
+        agents: the number of agents of a game.
+        places: (2 * games * agents,) x and y of each agent, map units.
+        order: (games * agents,) the agents of each game by ascending x.
+        ranks: (games * agents,) the place of each agent in this order.
+    """
+
+    def __init__(self, agents: int, places: memoryview[float], order: memoryview[int], ranks: memoryview[int]) -> None:
+        self.agents = agents
+        self.places = places
+        self.order = order
+        self.ranks = ranks
+
+    def place(self, games: GameColumns, xy: memoryview[float], game: int) -> int:
+        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes.
+
+        The order of the last call is corrected by insertion, because most agents have not passed others.
+        """
+        first = game * self.agents
+        for row in range(first, first + self.agents):
+            self.places[2 * row] = xy[2 * games.node[row]]
+            self.places[2 * row + 1] = xy[2 * games.node[row] + 1]
+        for number in range(1, self.agents):
+            agent = self.order[first + number]
+            x = self.places[2 * (first + agent)]
+            place = first + number
+            while place > first and self.places[2 * (first + self.order[place - 1])] > x:
+                self.order[place] = self.order[place - 1]
+                place -= 1
+            self.order[place] = agent
+        for number in range(self.agents):
+            self.ranks[first + self.order[first + number]] = number
+        return 0
+
+
+def see(
+    looks: SensorTable,
+    by_x: AgentsByX,
+    team: memoryview[int],
+    alive: memoryview[int],
+    first: int,
+    viewer: int,
+    seen: memoryview[int],
+) -> int:
+    """Find the agents that an agent sees, up to its widest radius to both sides along the x axis; return their number.
+
+    Args:
+        looks: the sensors of all agents of a game; their places are those of `by_x`.
+        by_x: the agents of games,
+        team: (agents,) the team number of each,
+        alive: (games * agents,) and whether it is alive.
+        first: the row of the first agent of the game.
+        viewer: the number of the agent that looks.
+        seen: (agents,) receives the numbers of the agents, in no order.
+    """
+    widest = widest_square(looks, viewer)
+    here = first + viewer
+    count = 0
+    for side in range(-1, 2, 2):
+        rank = by_x.ranks[here] + side
+        while 0 <= rank < by_x.agents:
+            other = by_x.order[first + rank]
+            dx = by_x.places[2 * (first + other)] - by_x.places[2 * here]
+            if dx * dx > widest:
+                break
+            if alive[first + other] and shows(looks, viewer, team[other], here, first + other):
+                seen[count] = other
+                count += 1
+            rank += side
+    return count
+
+
 class StrategySteps:
     """The steps of the strategies of agents.
 
@@ -143,7 +218,10 @@ class Strategies:
         games: the games.
         steps: the steps of their strategies.
         ways: shortest paths.
-        looks: the sensors of the agents.
+        looks: the sensors of the agents; their places are those of `by_x`.
+        by_x: the agents by x, if some of them look for others; else it has no memory.
+        xy: (2 * nodes,) x and y of each node, map units.
+        seen: (agents,) working memory: the enemies that an agent sees.
         keys: (rows,) the `draws.first_key` of each agent.
         legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
         legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
@@ -162,6 +240,8 @@ class Strategies:
         steps: StrategySteps,
         ways: routes.PathTables,
         looks: SensorTable,
+        by_x: AgentsByX,
+        xy: memoryview[float],
         keys: memoryview[int],
         memory: memoryview[int],
     ) -> None:
@@ -169,6 +249,10 @@ class Strategies:
         self.steps = steps
         self.ways = ways
         self.looks = looks
+        self.by_x = by_x
+        self.look = len(self.by_x.order) > 0
+        self.xy = xy
+        self.seen = memoryview(array("q", bytes(8 * self.by_x.agents)))
         self.keys = keys
         self.memory = memory
         nodes = len(self.ways.ids)
@@ -186,6 +270,13 @@ class Strategies:
     def go_far(self, ways: travel.GoalPaths) -> None:
         """Set the shortest paths, by row, of agents that may choose targets beyond their legal nodes."""
         self.long_ways = ways
+
+
+def begin(p: Strategies, game: int) -> int:
+    """Take the places of the agents of a game, before the agents of a part of a turn decide."""
+    if p.look:
+        p.by_x.place(p.games, p.xy, game)
+    return 0
 
 
 def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
@@ -300,12 +391,15 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
     return target
 
 
-def _sees(looks: SensorTable, games: GameColumns, game: int, agent: int, other: int) -> bool:
-    """Return whether an agent sees another one, and it is an enemy."""
-    at = game * games.agents
-    if not games.alive[at + other] or other == agent or are_mates(games, agent, other):
-        return False
-    return shows(looks, agent, games.team[other], games.node[at + agent], games.node[at + other])
+def _find_enemies(p: Strategies, game: int, agent: int) -> int:
+    """Write the numbers of the visible enemies of an agent to `seen`; return how many they are."""
+    count = see(p.looks, p.by_x, p.games.team, p.games.alive, game * p.games.agents, agent, p.seen)
+    enemies = 0
+    for place in range(count):
+        if not are_mates(p.games, agent, p.seen[place]):
+            p.seen[enemies] = p.seen[place]
+            enemies += 1
+    return enemies
 
 
 def are_mates(games: GameColumns, agent: int, other: int) -> bool:
@@ -334,29 +428,29 @@ def widest_square(looks: SensorTable, agent: int) -> float:
 
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
+    at = game * p.games.agents
     found = -1
     least = INFINITE
-    at = game * p.games.agents
-    for other in range(p.games.agents):
-        if _sees(p.looks, p.games, game, agent, other):
-            far = p.ways.distance(node, p.games.node[at + other])
-            if far < least:
-                least = far
-                found = p.games.node[at + other]
-    return found
+    for place in range(_find_enemies(p, game, agent)):
+        other = p.seen[place]
+        far = p.ways.distance(node, p.games.node[at + other])
+        if far < least or (far == least and other < found):
+            least = far
+            found = other
+    return p.games.node[at + found] if found >= 0 else -1
 
 
 def _farthest(p: Strategies, game: int, agent: int) -> int:
     """Return the legal node farthest from the nearest visible enemy; NOTHING: no enemy is visible."""
     at = game * p.games.agents
-    is_seen = False
+    count = _find_enemies(p, game, agent)
+    if count == 0:
+        return NOTHING
     for number in range(p.count):
         p.safety[number] = INFINITE
         p.legal_ids[number] = p.ways.ids[p.legal[number]]
-    for other in range(p.games.agents):
-        if _sees(p.looks, p.games, game, agent, other):
-            is_seen = True
-            for number in range(p.count):
-                far = p.ways.distance(p.games.node[at + other], p.legal[number])
-                p.safety[number] = min(p.safety[number], far)
-    return p.legal[farthest(p.safety, p.legal_ids, p.count)] if is_seen else NOTHING
+    for place in range(count):
+        for number in range(p.count):
+            far = p.ways.distance(p.games.node[at + p.seen[place]], p.legal[number])
+            p.safety[number] = min(p.safety[number], far)
+    return p.legal[farthest(p.safety, p.legal_ids, p.count)]

@@ -21,7 +21,6 @@ from gamms.game.block.scores import fits_float
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose
 from gamms.game.block.strategy_steps import (
     LOOKING,
-    MOST_LOOKING,
     StrategySteps,
     always_act,
     can_read,
@@ -570,7 +569,7 @@ def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | Non
     kinds = {step.kind for step in steps}
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
-    may_look = by_edges and not roster.flies.any() and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
+    may_look = by_edges and not roster.flies.any() and has_plain_looks(agent)
     may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
     is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
     memory = game.internals.state.memories.get(agent.name, {})

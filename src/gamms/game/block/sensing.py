@@ -232,14 +232,16 @@ def _seen_in_core(
     order = np.argsort(xy[..., 0], axis=1)
     ranks = np.argsort(order, axis=1)
     begins, squares, shows = columns
+    num_agents = len(state.roster.names)
+    places = flat(xy, np.float64)
     who = (
-        strategies.SensorTable(begins, squares, shows, len(state.roster.teams), flat(xy, np.float64)),
+        strategies.SensorTable(begins, squares, shows, len(state.roster.teams), places),
+        strategies.AgentsByX(num_agents, places, flat(order, np.int64), flat(ranks, np.int64)),
         flat(agents, np.int64),
         flat(state.roster.team_of, np.int64),
         flat(asked.view(np.uint8), np.uint8),
         flat(state.alive[games].view(np.uint8), np.uint8),
-        flat(order, np.int64),
-        flat(ranks, np.int64),
+        flat(np.zeros(num_agents), np.int64),
     )
     total = observe.list_seen(*who, flat(np.zeros(0), np.int64))
     if total > _MOST_PAIRS:

@@ -23,7 +23,6 @@ from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
-MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
 _LEAST = 1e-150
 _MOST = 1e150  # radii whose squares are neither zero nor infinite
 LOOKING = ("chase", "flee")
@@ -152,7 +151,12 @@ class StrategySteps:
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
-        self._looks = made_looks(state, [_looks(one) for one in steps])
+        looking = [_looks(one) for one in steps]
+        shape = state.node.shape if any(looking) else (0, state.node.shape[1])
+        self._order, self._ranks = np.zeros((2, *shape), np.int64)
+        places = flat(np.zeros((*shape, 2)), np.float64)
+        self._by_x = strategies.AgentsByX(shape[1], places, flat(self._order, np.int64), flat(self._ranks, np.int64))
+        self._looks = strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), places)
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
@@ -195,10 +199,12 @@ class StrategySteps:
             self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs))
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self._memory.reshape(-1).data
-        return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)
+        xy = flat(self._state.streets.columns.xy, np.float64)
+        ways = self._ways[thread].core
+        return strategies.Strategies(games, self._steps, ways, self._looks, self._by_x, xy, keys, memory)
 
     def take_memories(self, games: IntArray) -> None:
-        """Read the memories of agents in some games from the state of the batch."""
+        """Read the memories of agents in some games from the state of the batch, and order the agents by x."""
         nodes = self._state.streets.num_nodes
         for column, (key, name) in enumerate(self._columns):
             step = self._remembered[key]
@@ -207,6 +213,9 @@ class StrategySteps:
             if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
                 raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
             self._memory[column, games] = known
+        if len(self._order):
+            x = self._state.streets.columns.xy[:, 0]
+            self._order[games] = np.argsort(x[self._state.node[games]], axis=1)
 
     def give_memories(self, games: IntArray) -> None:
         """Write the memories of agents in these games to the state of the batch."""
