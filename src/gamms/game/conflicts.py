@@ -53,6 +53,7 @@ class Contest(NamedTuple):
 Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`
 Rank = Callable[[str, Hashable], Any]  # called with the name and the team of an agent
 MovesOf = Callable[[list[int]], Mapping[str, Move]]  # the moves of agents by their numbers, in order
+TableArray = np.ndarray[Any, np.dtype[np.int32]]
 MovePlaces = MoveColumns | tuple[list[Any], list[Any]]  # starts and ends: node ids, or lists that may have edges
 
 
@@ -376,6 +377,7 @@ class PlaceNumbers:
         self.depend_on_map = capacities.depend_on_map
         self._columns: GraphColumns | None = None  # the map of `_limits`
         self._limits: IntArray = np.zeros(0, np.int64)
+        self._tables = make_tables(0)
 
     @property
     def num_nodes(self) -> int:
@@ -402,6 +404,12 @@ class PlaceNumbers:
         if not isinstance(places, MoveColumns):
             rows.both[rows.both < 0] += self.nodes.room + _FIRST_EDGE
         return self._limits
+
+    def tables(self, places: int) -> TableArray:
+        """Return the tables of a `ConflictTable`, which are the same as long as there are as many places."""
+        if self._tables.shape[1] != places:
+            self._tables = make_tables(places)
+        return self._tables
 
     def _number(self, place: int | EdgePlace) -> int:
         """Return the number of a node; of an edge, its number among edges, less than 0."""
@@ -459,7 +467,7 @@ class _Agents(NodeConflicts):
         """Make working memory for places with these capacities."""
         self._limits = limits
         self._table = ConflictTable(
-            self.conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes
+            self.conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes, self.places.tables
         )
         ranks = self._table.ranks
         if ranks is None:
@@ -560,6 +568,7 @@ class ConflictTable:
         flies: (agents,) whether each agent flies.
         limits: (places,) the capacities of all places.
         num_nodes: the number of nodes, which are the first places.
+        make: returns tables by place; see `make_tables`.
 
     Attributes:
         ranking: the ranks that decide; None: a function decides.
@@ -577,6 +586,7 @@ class ConflictTable:
         flies: BoolArray,
         limits: IntArray,
         num_nodes: int,
+        make: Callable[[int], TableArray],
     ) -> None:
         agents = len(names)
         ranking = _ranking_of(conflicts._resolver)
@@ -587,8 +597,7 @@ class ConflictTable:
         first = np.array([len(limits) * number.get(team, 0) for team in teams], np.int64)
         self._first = np.where(flies, -1, first).data
         self._limits = limits.data
-        tables = np.zeros((2, len(limits) * max(1, len(number))), np.int32)
-        tables[0] = -1
+        tables = make(len(limits) * max(1, len(number)))
         self.members = np.zeros(agents, np.int32)
         self.free = np.zeros(agents, np.int32)
         self.first = np.zeros(agents + 1, np.int32)
@@ -612,6 +621,16 @@ class ConflictTable:
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
         return core.MoveRequests(starts, ends, counts, self._first, self._limits, flat(ranks, np.uint64))
+
+
+def make_tables(places: int) -> TableArray:
+    """Return empty tables by place, (2, places): the first agent in a list, and the number of agents that are there.
+
+    They are empty again after each turn, so that the agents of the next one can use them.
+    """
+    tables = np.zeros((2, places), np.int32)
+    tables[0] = -1
+    return tables
 
 
 def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable

@@ -1,5 +1,6 @@
 """One turn: all agents observe the same state of the world, decide, and move simultaneously."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from threading import get_ident
@@ -60,6 +61,7 @@ class TurnEngine(GameTurn):
         inboxes: messages that agents hear.
         outboxes: messages that agents send.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
+        departed_teams: team -> the number of names of deleted agents that were in it when they were deleted last.
     """
 
     def __init__(
@@ -96,6 +98,8 @@ class TurnEngine(GameTurn):
         self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
         self._kept_of: tuple[Any, ...] = ()  # what these orders depend on
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
+        self.departed_teams = Counter[Any]()
+        self._counted: object = None  # the deleted agents of these teams
         self.prepared = -1
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -265,7 +269,14 @@ class TurnEngine(GameTurn):
         self._departure = self._ctx.agent.storage.last_departure
         if state.has_begun or state.turn:
             while since is not None and (since := since.next) is not None:
-                state.departed[since.agent.name] = since.team, since.node
+                name = since.agent.name
+                if name in state.departed:
+                    self.departed_teams[state.departed[name][0]] -= 1
+                state.departed[name] = since.team, since.node
+                self.departed_teams[since.team] += 1
+        if self._counted is not state.departed:  # another state was restored
+            self._counted = state.departed
+            self.departed_teams = Counter(team for team, _ in state.departed.values())
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""

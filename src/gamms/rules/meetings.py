@@ -777,7 +777,7 @@ class GameContacts(MovesForRules):
         self._agents = agents
         roster = self._roster
         self.turns.note_departed()
-        gone = dict.fromkeys(team for team, _ in self.state.departed.values())
+        gone = [team for team, number in self.turns.departed_teams.items() if number]
         if roster is None or not roster.is_of(block, gone):
             roster = Roster(block, gone, roster)
             self._roster = roster

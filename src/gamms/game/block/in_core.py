@@ -27,7 +27,7 @@ from gamms.game.block.strategy_steps import (
     has_plain_looks,
 )
 from gamms.game.block.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
-from gamms.game.conflicts import Conflicts, ConflictTable, flat, ranked_for_all
+from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement
@@ -1069,7 +1069,8 @@ class CoreGames:
         graph = state.movement.columns
         limits = self._conflicts.limits(graph, has_edges=isinstance(columns, MetreColumns))
         teams = [roster.teams[team] for team in roster.team_of.tolist()]
-        table = ConflictTable(self._conflicts, roster.names, teams, roster.flies, limits, len(graph.node_ids))
+        num_nodes = len(graph.node_ids)
+        table = ConflictTable(self._conflicts, roster.names, teams, roster.flies, limits, num_nodes, make_tables)
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
         ends = (columns and columns.ends) or (state.node, self._block.ends)
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)
