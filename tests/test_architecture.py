@@ -12,6 +12,7 @@ from types import ModuleType
 import pytest
 
 import gamms
+from gamms.ir.schema import AGENT_COLUMNS
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
 import draw_architecture
@@ -360,6 +361,21 @@ def test_each_step_of_a_turn_has_one_place():
                 for what in steps_of(function):
                     found[what].add(f"{shown(path)} {function.name}")
     assert found == PLAYS
+
+
+OF_AGENTS = {column.name for column in AGENT_COLUMNS if column.is_in_block}
+
+
+def test_only_the_block_of_agents_writes_its_columns():
+    writers = set()
+    for path in MODULES:
+        for node in nodes_of(path):
+            if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+                column = ast.unparse(node.value)
+                of_block, _, name = column.rpartition(".")
+                if (of_block.endswith("block") and name in OF_AGENTS) or re.match(r"getattr\(.*block\b", column):
+                    writers.add(shown(path))
+    assert writers == {"ir/agents.py"}
 
 
 def steps_of(function):

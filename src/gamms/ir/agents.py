@@ -16,7 +16,7 @@ from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers, PointedCol
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
-from gamms.ir.graph import IntArray, NodeFinder
+from gamms.ir.graph import FloatArray, IntArray, NodeFinder
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.progress import Progress
 from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLACES
@@ -613,6 +613,11 @@ def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> Non
     block.numbers.write(ids[0].data, block.node)
     block.numbers.write(ids[1].data, block.previous)
     block._note_all()
+
+
+def show_column(block: AgentBlock, name: str, values: Sequence[Any] | FloatArray) -> None:
+    """Show the headings, or additional numbers, of all agents, (agents,) by row, without recording changes."""
+    getattr(block, name)[:] = values if isinstance(values, list) else np.asarray(values).data
 
 
 def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:

@@ -16,7 +16,7 @@ from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
 from gamms.game.movement.roads import RoadMap
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import AgentBlock, show_flights, show_game, show_lives, show_progress
+from gamms.ir.agents import AgentBlock, show_column, show_flights, show_game, show_lives, show_progress
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
@@ -404,7 +404,7 @@ class PointedContext:
         """Show the additional numbers of agents in a game."""
         shown = self.population
         for name, column in self._state.numbers.items():
-            np.asarray(getattr(shown.block, name))[:] = column[number, shown.numbers]
+            show_column(shown.block, name, column[number, shown.numbers])
 
     def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
         """Return the current and previous nodes of agents in some games, in the order of their rows."""
@@ -426,7 +426,7 @@ class PointedContext:
             show_flights(shown.block, shown.rows_in_air, [poses[place] for place in shown.flying])
         self.headings = headings
         each = zip(shown.numbers.tolist(), shown.first_headings, strict=True)
-        shown.block.heading[:] = [headings.get(agent, first) for agent, first in each]
+        show_column(shown.block, "heading", [headings.get(agent, first) for agent, first in each])
 
     def _placed(self, games: IntArray) -> BoolArray:
         """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
