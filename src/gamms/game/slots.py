@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from gamms import kernels
 from gamms.arguments import as_range
@@ -25,20 +25,34 @@ from gamms.typing.sensor_engine import SensorType
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
 
+class SlotGame(NamedTuple):
+    """The data of a game that its slots share.
+
+    Attributes:
+        state: the state of the game.
+        table: the seed and the clock of the agents' draws.
+        facts: a read-only view of the public facts.
+        settings: the settings of the game.
+        fork: makes copies of the game for an agent.
+    """
+
+    state: GameState
+    table: DrawTable
+    facts: Mapping[str, Any]
+    settings: Settings
+    fork: PrivateForks
+
+
 class AgentSlot:
     """The data of one living agent in the turn engine.
 
     Args:
         agent: the agent.
         access: its row, its sensors and its last state.
-        state: the state of the game.
-        table: the seed and the clock of the agents' draws.
-        facts: a read-only view of the public facts.
-        settings: the settings of the game.
-        fork: makes copies of the game for the agent.
+        game: the data of the game.
 
     Attributes:
-        agent, fork: see the arguments.
+        agent, game: see the arguments.
         name, team: the agent's name and team.
         row: its current row in the block; orders of earlier turns have the earlier row in `selection`.
         flies: whether it flies.
@@ -53,22 +67,19 @@ class AgentSlot:
     """
 
     __slots__ = (
-        *("_asked", "_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign"),
-        *("fork", "is_plain", "last", "name", "row", "sees_world_only", "speed", "team", "travels"),
+        *("_asked", "_draws", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "game"),
+        *("is_plain", "last", "name", "row", "sees_world_only", "speed", "team", "travels"),
     )
 
     def __init__(
         self,
         agent: IAgent,
         access: TurnAccess,
-        state: GameState,
-        table: DrawTable,
-        facts: Mapping[str, Any],
-        settings: Settings,
-        fork: PrivateForks,
+        game: SlotGame,
     ) -> None:
+        settings = game.settings
         self.agent = agent
-        self.fork = fork
+        self.game = game
         self.name = agent.name
         self.team = agent.team
         self.row, self.carried, self.last = access
@@ -76,17 +87,19 @@ class AgentSlot:
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
-        self._made_of = state, table, facts, settings
         # NOTE: made on demand: an agent with a plan of arrays has no state and draws nothing
         # (benchmarks: teams).
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
         self._asked: DecidingAgent | None = None
-        self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
-        looks = [look for *_, look in self.carried if look is not None]
-        self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
-        self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+        self.foreign: Sequence[str] = ()
+        self.sees_world_only = True
+        if self.carried:
+            self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
+            looks = [look for *_, look in self.carried if look is not None]
+            self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
+        self.counts = game.state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
     def holds(self, agent: IAgent, access: TurnAccess) -> bool:
         """Return whether the slot is still valid for an agent of this game, perhaps in another row."""
@@ -98,14 +111,14 @@ class AgentSlot:
     def draws(self) -> Draws:
         """The agent's keyed draws: `state["draw"]`."""
         if self._draws is None:
-            self._draws = Draws(self._made_of[1], self.name)
+            self._draws = Draws(self.game.table, self.name)
         return self._draws
 
     @property
     def rng(self) -> TurnGenerator:
         """The agent's generator: `state["rng"]`."""
         if self._rng is None:
-            self._rng = TurnGenerator(self._made_of[1], self.name)
+            self._rng = TurnGenerator(self.game.table, self.name)
         return self._rng
 
     @property
@@ -128,7 +141,7 @@ class AgentSlot:
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:
-        state, _, facts, settings = self._made_of
+        state, _, facts, settings, fork = self.game
         return {
             "curr_pos": None,
             **({"quat": None} if self.flies else {}),
@@ -145,7 +158,7 @@ class AgentSlot:
             **({"team_memory": None} if settings.team_memory else {}),
             "facts": KnownFacts(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
             "blocked": self._why_blocked(),
-            "fork": self.fork,
+            "fork": fork,
             **({"deeds": settings.deeds} if settings.deeds else {}),
             **({"inbox": [], "outbox": []} if settings.channels else {}),
         }
@@ -161,7 +174,7 @@ class AgentSlot:
             self._template["blocked"] = why
 
     def _why_blocked(self) -> str | None:
-        blocked = self._made_of[0].blocked
+        blocked = self.game.state.blocked
         return blocked.get(self.name) if blocked else None
 
     def marks(self) -> tuple[Any, Any]:
@@ -352,7 +365,7 @@ class SlotMaker:
 
     Args:
         ctx: the context, for its agents.
-        state, facts, settings, fork: see `AgentSlot`.
+        state, facts, settings, fork: see `SlotGame`.
     """
 
     def __init__(
@@ -396,14 +409,14 @@ class SlotMaker:
             known = {} if before is None else {slot.name: slot for slot in before.made()}
         all_agents = agents.agents
         access_of = agents.storage.turn_access
-        given = self._state, table, self._facts, self._settings, self._fork
+        game = SlotGame(self._state, table, self._facts, self._settings, self._fork)
 
         def make(name: str, departed: IAgent | None) -> AgentSlot:
             agent = all_agents[name] if departed is None else departed
             slot = known.get(name)
             access = access_of(agent)
             if slot is None or not slot.holds(agent, access):
-                return AgentSlot(agent, access, *given)
+                return AgentSlot(agent, access, game)
             slot.row = access.row
             return slot
 

@@ -340,13 +340,17 @@ class Indexes:
         Raises:
             UnknownName (KeyError): the node does not exist.
         """
+        return list(dict.fromkeys(self.targets(id)))
+
+    def targets(self, id: int) -> list[int]:
+        """Return the target of each edge leaving a node, in edge insertion order; raise as `neighbors`."""
         row = self._nodes.index.row(id)
         if row < 0:
             raise UnknownName("node", id, self._nodes.ids)
         edges = self._adjacency("sources").at_one(row)
         ids = self._nodes.ids
         targets = self._edges.targets
-        return list(dict.fromkeys([ids[targets[edge]] for edge in edges]))
+        return [ids[targets[edge]] for edge in edges]
 
     # -- changes ------------------------------------------------------------------------------------------------
 

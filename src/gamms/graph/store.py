@@ -45,7 +45,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         id = records.as_id(id, "a node", self._store)
-        made = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
+        made = tuple(dict.fromkeys([id, *self._store.indexes.targets(id)]))
         self[id] = made
         return made
 
