@@ -56,7 +56,7 @@ class NodeNumbers:
         return number_nodes, (array(INT64, self.ids[: self.count]),)
 
     def __deepcopy__(self, memo: Any) -> NodeNumbers:
-        """Return this object: what it knows stays true."""
+        """Return this object: numbers never change, so copies share them."""
         return self
 
     def make_room(self, places: int) -> int:
@@ -161,18 +161,8 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *(
-            "_changed",
-            "_goals",
-            "_have_all_changed",
-            "_journal",
-            "_nodes",
-            "_origins",
-            "is_closed",
-            "is_noting",
-            "node",
-            "numbers",
-        ),
+        *("_changed", "_goals", "_have_all_changed", "_journal", "_nodes", "_origins"),
+        *("is_closed", "is_noting", "node", "numbers"),
         *("previous", "progress", "teams", "travellers", "under_way", "version"),
     )
 

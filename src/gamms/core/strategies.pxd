@@ -61,7 +61,7 @@ cdef class Strategies:
     cdef AgentsByX by_x
     cdef const double[::1] xy
     cdef i64[::1] seen
-    cdef bint look
+    cdef bint has_lookers
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
     cdef const u8[::1] anywhere

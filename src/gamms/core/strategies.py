@@ -219,7 +219,8 @@ class Strategies:
         steps: the steps of their strategies.
         ways: shortest paths.
         looks: the sensors of the agents; their places are those of `by_x`.
-        by_x: the agents by x, if some of them look for others; else it has no memory.
+        by_x: the agents by x; it has no memory unless `has_lookers`.
+        has_lookers: whether some agents look for others.
         xy: (2 * nodes,) x and y of each node, map units.
         seen: (agents,) working memory: the enemies that an agent sees.
         keys: (rows,) the `draws.first_key` of each agent.
@@ -250,7 +251,7 @@ class Strategies:
         self.ways = ways
         self.looks = looks
         self.by_x = by_x
-        self.look = len(self.by_x.order) > 0
+        self.has_lookers = len(self.by_x.order) > 0
         self.xy = xy
         self.seen = memoryview(array("q", bytes(8 * self.by_x.agents)))
         self.keys = keys
@@ -274,7 +275,7 @@ class Strategies:
 
 def begin(p: Strategies, game: int) -> int:
     """Take the places of the agents of a game, before the agents of a part of a turn decide."""
-    if p.look:
+    if p.has_lookers:
         p.by_x.place(p.games, p.xy, game)
     return 0
 

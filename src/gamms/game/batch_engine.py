@@ -583,7 +583,7 @@ class TurnOfGames:
 class BatchEngine(TurnDriver):
     """Plays the games of a batch in the core; see `core.turn` for the phases of a turn.
 
-    The plan is the same in all turns: a game that changes what it depends on leaves the batch.
+    The plan is the same in all turns: a game in which a function would change it leaves the batch.
 
     Args:
         games: the game at its start on each map.
@@ -896,10 +896,6 @@ class BatchEngine(TurnDriver):
         self._block.part[:] = self._now.first
         self._block.held[:] = 0
 
-    def end_moves(self) -> int:
-        """Do nothing."""
-        return 0
-
     def after(self) -> int:
         """Call rules and collectors in the games that have moved."""
         for one, games in self._each(self._now.playing):
@@ -910,14 +906,6 @@ class BatchEngine(TurnDriver):
         if self._radio is not None:
             self._radio.end_turn()
         return 0
-
-    def end(self) -> int:
-        """Do nothing: a batch has neither pictures nor recordings."""
-        return 0
-
-    def skips_parts(self) -> bool:
-        """Return False: games in which a rule has ended the game are left out of the later parts."""
-        return False
 
     def _play_core(self, playing: BoolArray, part: int, phase: int | None) -> None:
         """Play a phase of a part of the turn in the core; None: all phases; see `_play`."""

@@ -617,7 +617,10 @@ def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> Non
 
 def show_column(block: AgentBlock, name: str, values: Sequence[Any] | FloatArray) -> None:
     """Show the headings, or additional numbers, of all agents, (agents,) by row, without recording changes."""
-    getattr(block, name)[:] = values if isinstance(values, list) else np.asarray(values).data
+    column = getattr(block, name)
+    if not isinstance(column, list):
+        column = np.asarray(column)
+    column[:] = values
 
 
 def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:

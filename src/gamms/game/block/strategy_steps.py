@@ -153,9 +153,10 @@ class StrategySteps:
         self._steps = self._made_steps(steps)
         looking = [_looks(one) for one in steps]
         shape = state.node.shape if any(looking) else (0, state.node.shape[1])
-        self._order, self._ranks = np.zeros((2, *shape), np.int64)
+        self._order = np.zeros(shape, np.int64)
+        ranks = np.zeros(shape, np.int64)
         places = flat(np.zeros((*shape, 2)), np.float64)
-        self._by_x = strategies.AgentsByX(shape[1], places, flat(self._order, np.int64), flat(self._ranks, np.int64))
+        self._by_x = strategies.AgentsByX(shape[1], places, flat(self._order, np.int64), flat(ranks, np.int64))
         self._looks = strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), places)
         for key in self._remembered:
             self._kept(key)
