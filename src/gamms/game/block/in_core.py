@@ -43,6 +43,7 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace
 
@@ -546,30 +547,43 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | None:
-    """Return the core's number for the strategy or plan of an agent; None: the core does not play it.
+def core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
+    """Return the core's number for the strategy or plan of each agent; None: the core does not play it.
 
     Args:
         game: the game at its start.
         roster: the agents; an agent without a strategy stays.
-        number: the number of the agent.
     """
     settings = game.internals.parts.settings.settings_now()
-    agent = roster.agents[number]
-    decider = decider_of(agent, settings["plans"])
-    if roster.varies[number]:
-        return None
-    if decider is None:
-        return moves.STAY
-    if roster.flies[number]:
-        return None
+    plans = settings["plans"]
+    some_fly = bool(roster.flies.any())
+    single: dict[int, int | None] = {}  # by the id of the decider
+    forms: list[int | None] = []
+    for agent, varies, flies in zip(roster.agents, roster.varies.tolist(), roster.flies.tolist(), strict=True):
+        decider = decider_of(agent, plans)
+        form = None
+        if decider is None and not varies:
+            form = moves.STAY
+        elif not (varies or flies):
+            if id(decider) not in single:
+                steps: Any = strategy_spec_of(decider).core_steps or ()
+                single[id(decider)] = _SINGLE_STEPS.get(steps)
+            form = single[id(decider)]
+            if form is None:
+                form = _form_of_steps(game, settings, agent, decider, some_fly=some_fly)
+        forms.append(form)
+    return forms
+
+
+def _form_of_steps(
+    game: PlayedGame, settings: Mapping[str, Any], agent: IAgent, decider: object, *, some_fly: bool
+) -> int | None:
+    """Return the core's number for a strategy or a plan of several steps; see `core_forms`."""
     steps = strategy_spec_of(decider).core_steps or ()
-    if steps in _SINGLE_STEPS:
-        return _SINGLE_STEPS[steps]
     kinds = {step.kind for step in steps}
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
-    may_look = by_edges and not roster.flies.any() and has_plain_looks(agent)
+    may_look = by_edges and not some_fly and has_plain_looks(agent)
     may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
     is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
     memory = game.internals.state.memories.get(agent.name, {})
@@ -675,8 +689,7 @@ class CoreGames:
         self._conflicts = conflicts_in_core(game, state.roster)
         self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [core_form_of(game, state.roster, number) for number in range(len(deciders))]
-        forms = [moves.STAY if one is None else one for one in found]
+        forms = [moves.STAY if one is None else one for one in core_forms(game, state.roster)]
         self._decides_by = np.array(forms, np.uint8)
         pairs = zip(forms, deciders, strict=True)
         self._steps = [

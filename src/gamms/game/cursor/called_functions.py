@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 
 from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of
-from gamms.game.block.in_core import called_rules, conflicts_in_core, core_form_of
+from gamms.game.block.in_core import called_rules, conflicts_in_core, core_forms
 from gamms.game.block.sensing import called_each_turn
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import decides_in_arrays
@@ -54,20 +54,20 @@ def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
 def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
     """Return the numbers of the agents whose strategies or team plans are called game by game."""
     are_created = first_called(game, roster) is not None  # by a function
-    found = []
-    for number, agent in enumerate(roster.agents):
-        if isinstance(agent, ComingAgent) and not are_created:
-            continue
-        if is_asked(game, roster, number):
-            found.append(number)
-    return found
+    return [
+        number
+        for number in asked_if_there(game, roster)
+        if are_created or not isinstance(roster.agents[number], ComingAgent)
+    ]
 
 
-def is_asked(game: PlayedGame, roster: AgentTable, number: int) -> bool:
-    """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
+def asked_if_there(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
+    """Yield the numbers of agents, whether in the game or to come, whose strategies or plans are called game by game."""
     settings = game.internals.parts.settings.settings_now()
-    decider = decider_of(roster.agents[number], settings["plans"])
-    return core_form_of(game, roster, number) is None and not decides_in_arrays(decider, settings)
+    plans = settings["plans"]
+    for number, form in enumerate(core_forms(game, roster)):
+        if form is None and not decides_in_arrays(decider_of(roster.agents[number], plans), settings):
+            yield number
 
 
 def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
@@ -80,9 +80,9 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     settings = game.settings()
     plans = settings["plans"]
     deciders = (
-        f"the strategy {as_code(decider_of(agent, plans))}"
-        for number, agent in enumerate(roster.agents)
-        if not isinstance(agent, ComingAgent) and is_asked(game, roster, number)
+        f"the strategy {as_code(decider_of(roster.agents[number], plans))}"
+        for number in asked_if_there(game, roster)
+        if not isinstance(roster.agents[number], ComingAgent)
     )
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
     sensors = (
