@@ -213,7 +213,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
     @property
     def seed(self) -> int:
         """The seed of all random streams; hidden from strategies, which could predict the draws of others."""
-        if self._phase.agent is not None:
+        if self._phase.is_deciding:
             self._phase.refuse("read ctx.seed, from which all draws of others follow")
         self.__dict__["_seed_uses"] += 1  # NOTE: without the guard, which each turn asks (benchmarks: turns)
         return self._seed
@@ -339,7 +339,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         return None if self.is_terminated() else getattr(self.visual, "_repr_html_", _shown_as_text)()
 
     def __repr__(self) -> str:
-        seed = "" if self._phase.agent is not None else f"seed={self._seed}, "
+        seed = "" if self._phase.is_deciding else f"seed={self._seed}, "
         if self.is_terminated():
             return f"Context({seed}terminated)"
         turn = 0 if self._game is None else self._game.turn

@@ -34,6 +34,8 @@ class Deciders(NamedTuple):
 
 
 AWAITED = Deciders("A strategy that is awaited", ())
+UNREAD = Deciders("The reader of the last turn", ())
+"""In place of agents that decide: no strategy is running, and the end of the last turn is made when it is read."""
 _of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(None, AWAITED))
 
 
@@ -44,7 +46,10 @@ class DecidePhase(NotPickled):
 
     Attributes:
         agent: the agent whose strategy is running, or `Deciders`; AWAITED: asyncio tasks decide, each for the agents
-            set by `decide_in_this_task`; None: no strategy is running. Any: the class depends on the agent engine.
+            set by `decide_in_this_task`; None, UNREAD: no strategy is running. Any: the class depends on the agent
+            engine.
+        read_turn: if `agent` is UNREAD, makes the states of agents, the data of their sensors, and the moves of the
+            last turn.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
         epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
@@ -62,7 +67,7 @@ class DecidePhase(NotPickled):
 
     __slots__ = (
         *("agent", "agent_kinds", "before_reading", "created", "epoch", "known_names", "moment", "owner_changes"),
-        *("player", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("player", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -71,6 +76,7 @@ class DecidePhase(NotPickled):
 
     def __init__(self) -> None:
         self.agent: Any = None
+        self.read_turn: Callable[[], None] | None = None
         self.moment: object = None
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
@@ -110,6 +116,26 @@ class DecidePhase(NotPickled):
         self.strategy_changes += 1
         self.epoch += 1
 
+    @property
+    def is_deciding(self) -> bool:
+        """Whether a strategy or a plan is running."""
+        return self.agent is not None and self.agent is not UNREAD
+
+    def leave_unread(self, read_turn: Callable[[], None] | None) -> None:
+        """Make the end of the last turn when it is read first, or before anything changes; None: it is forgotten."""
+        self.read_turn = read_turn
+        if read_turn is not None:
+            self.agent = UNREAD
+        elif self.agent is UNREAD:
+            self.agent = None
+
+    def read_last_turn(self) -> None:
+        """Make the end of the last turn, unless it is made."""
+        read_turn = self.read_turn
+        if read_turn is not None:
+            self.leave_unread(None)
+            read_turn()
+
     def names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""
         deciders = self._deciders()
@@ -128,6 +154,7 @@ class DecidePhase(NotPickled):
                 f"Another thread plays a turn of this game right now: it is too early to {action}. Use a context in "
                 "one thread at a time, or make one for each thread."
             )
+        self.read_last_turn()
         if self.agent is not None:
             deciders = self._deciders()
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
@@ -139,11 +166,12 @@ class DecidePhase(NotPickled):
 
     def shown(self, value: T) -> T:
         """The value; while a strategy is running, a read-only copy of it."""
-        return value if self.agent is None else cast("T", frozen(value))
+        return value if self.agent is None or not self.is_deciding else cast("T", frozen(value))
 
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
         """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code."""
+        self.read_last_turn()
         agent = self.agent
         self.agent = None
         if changes_world:
@@ -230,11 +258,19 @@ def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
 
 def refused_while_deciding(method: Method) -> Method:
     """Refuse a verb while a strategy is running, before it does anything."""
+    return _guarded(method, is_reader=True)
 
+
+def replacing_last_turn(method: Method) -> Method:
+    """Refuse a verb while a strategy is running; the end of the last turn is not made for it: it is replaced."""
+    return _guarded(method, is_reader=False)
+
+
+def _guarded(method: Method, *, is_reader: bool) -> Method:
     @wraps(method)
     def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase
-        if phase.agent is not None or phase.player is not None:
+        if (phase.agent is not None and (is_reader or phase.is_deciding)) or phase.player is not None:
             phase.refuse(f"call {self._called}.{method.__name__}")
         try:
             return method(self, *args, **kwargs)
@@ -286,7 +322,8 @@ class Protected(Generic[T]):
         if instance is None:
             return self
         value = self._read(instance)
-        return value if instance._phase.agent is None else frozen(value)
+        phase = instance._phase
+        return value if phase.agent is None or not phase.is_deciding else frozen(value)
 
     def __set__(self, instance: Guarded, value: T) -> None:
         if not isinstance(value, self._kind):

@@ -225,6 +225,88 @@ def test_a_run_goes_on_from_what_was_changed_between_two_runs():
         assert played.game.scores["red"] % 1 == 0.5
 
 
+def states_of(agents):
+    """The last states of agents, without what belongs to their contexts."""
+    kept = {"draw", "rng", "fork", "memory", "facts"}
+    return [{key: value for key, value in agent.state.items() if key not in kept} for agent in agents]
+
+
+READERS = {
+    "a state": lambda ctx: states_of([ctx.agent.get_agent("a3")]),
+    "a sensor": lambda ctx: [sensor.data for sensor in ctx.agent.get_agent("a4").sensors.values()],
+    "moves": lambda ctx: dict(ctx.game.moves),
+    "tracks": lambda ctx: ctx.game.tracks(["a1", "a2"]),
+    "counts": lambda ctx: dict(ctx.game.counts),
+    "a rule by hand": lambda ctx: (tag("red", "blue", hops=2)(ctx), ctx.game.events),
+    "a fork": lambda ctx: states_of(ctx.game.fork(1).ctx.agent.create_iter()),
+    "a snapshot": lambda ctx: states_of(ctx.agent.create_iter()) if ctx.game.snapshot() else None,
+}
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_whatever_is_read_first_after_a_run_shows_its_last_turn(read):
+    rules = [tag("red", "blue", then="eliminate"), respawn(2)]
+    with crowd(rules)() as played, crowd(rules)() as stepped:
+        played.game.run(60)
+        in_steps(stepped, 60)
+        assert read(played) == read(stepped)
+        assert left_behind(played) == left_behind(stepped)
+
+
+CHANGES = {
+    "an agent moves": lambda ctx: setattr(ctx.agent.get_agent("a3"), "current_node_id", 24),
+    "an agent leaves": lambda ctx: ctx.agent.delete_agent("a4"),
+    "an agent comes": lambda ctx: ctx.agent.create_agent("a99", start_node_id=7, team="blue"),
+    "agents get strategies": lambda ctx: [one.register_strategy(None) for one in ctx.agent.create_iter()],
+    "sensors see less": lambda ctx: [setattr(one, "range", 1.0) for one in ctx.sensor.sensors.values()],
+    "roads close": lambda ctx: ctx.graph.close_roads([*ctx.graph.graph.get_edges()][:40]),
+    "a road is removed": lambda ctx: ctx.graph.graph.remove_edge(3),
+    "conflicts end": lambda ctx: setattr(ctx.game, "conflicts", None),
+    "a team is renamed": lambda ctx: setattr(ctx.agent.get_agent("a5"), "team", "green"),
+    "a pose is read": lambda ctx: ctx.agent.get_agent("a2").get_state(),
+    "the context ends": lambda ctx: ctx.terminate(),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_changes_after_a_run_do_not_change_its_last_turn(change):
+    with crowd()() as played, crowd()() as stepped:
+        played.game.run(60)
+        in_steps(stepped, 60)
+        agents, others = ([*ctx.agent.create_iter()] for ctx in (played, stepped))
+        change(played)
+        change(stepped)
+        assert states_of(agents) == states_of(others)
+
+
+def test_a_game_that_is_reset_or_restored_has_no_last_turn_of_the_run():
+    with crowd()() as played, crowd()() as stepped:
+        for ctx, play in ((played, lambda: played.game.run(40)), (stepped, lambda: in_steps(stepped, 40))):
+            start = ctx.game.snapshot()
+            play()
+            ctx.game.reset(seed=5)
+            assert not any(agent.state for agent in ctx.agent.create_iter())
+            play()
+            ctx.game.restore(start)
+            play()
+        assert left_behind(played) == left_behind(stepped)
+
+
+def test_what_numbers_a_run_leaves_is_read_without_its_last_turn():
+    with crowd()() as ctx:
+        ctx.game.run(60)
+        asked = ctx.game._turns.asked
+        assert ctx.game.turn == 60
+        assert isinstance(ctx.game.scores, dict)
+        ctx.game.scores["red"] += 1
+        assert {agent.alive for agent in ctx.agent.agents.values()} == {True}
+        assert ctx.agent.get_agent("a1").current_node_id in ctx.graph.graph.get_nodes()
+        assert ctx.game._turns.asked == asked
+        assert ctx.agent.get_agent("a1").state["turn"] == 59
+        assert ctx.game._turns.asked == asked + 1
+        assert ctx.game.scores["red"] == 1
+
+
 def test_a_run_that_is_interrupted_stops_between_two_turns():
     def press():
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)

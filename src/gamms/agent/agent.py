@@ -170,6 +170,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def state(self) -> State:
         """The last result of `get_state`; `{}` before the first call. While agents decide, each sees only its own."""
         phase = self._phase
+        phase.read_last_turn()
         if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
             phase.refuse(f"read the state of agent {self.name!r}")
         return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
@@ -593,7 +594,7 @@ class GuardedAttribute:
         if agent is None or self._name not in agent.__dict__:
             raise AttributeError(f"{owner.__name__!r} object has no attribute {self._name!r}")
         phase = phase_of(agent)
-        if phase.before_reading is not None and phase.agent is None:
+        if phase.before_reading is not None and not phase.is_deciding:
             phase.before_reading()
         return phase.shown(agent.__dict__[self._name])
 

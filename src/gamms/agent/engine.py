@@ -89,7 +89,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     @property
     def agents(self) -> dict[str, BaseAgent]:  # type: ignore[override] # an attribute, in the contract
         """The agents by name, in order of creation; read-only while agents decide."""
-        is_open = self._phase.agent is None
+        is_open = not self._phase.is_deciding
         return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
 
     def __repr__(self) -> str:

@@ -632,6 +632,16 @@ class GameTurn(TurnDriver):
             return state.over is None
         return True
 
+    def repeat_moves(self) -> int:
+        """Let all agents observe, decide and move, without what comes before and after; the turn is not counted."""
+        plan = self.plan()
+        self.begin_moves(plan)
+        try:
+            self.play_moves(plan)
+        finally:
+            self.end_moves()
+        return 0
+
     def begin_moves(self, plan: TurnPlan) -> int:
         """Refuse a plan in which a team is left out, and prepare its phases."""
         if plan is not self.checked:

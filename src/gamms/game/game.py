@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, names_keywords
 from gamms.compat import Surface
-from gamms.deciding import phase_of, refused_while_deciding
+from gamms.deciding import phase_of, refused_while_deciding, replacing_last_turn
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
@@ -322,16 +322,16 @@ class Game(Surface, RuleVerbs):
         known = len(self.errors)
         scored = set(self._state.scores)
         with ExitStack() as stack:
+            stack.callback(self._leave_last_turn)
             if record is not None:
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
-            stack.enter_context(seeded_for_run(self.ctx, self._state.turn))
-            show = stack.enter_context(progress_line())
-            self._play_until(last, show if progress else None)
-        if len(self.errors) > known:
-            self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
-        self._warn_of_misspelt(self._state.scores.keys() - scored)
-        return self.result()
+            with seeded_for_run(self.ctx, self._state.turn), progress_line() as show:
+                self._play_until(last, show if progress else None)
+            if len(self.errors) > known:
+                self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
+            self._warn_of_misspelt(self._state.scores.keys() - scored)
+            return self.result()
 
     def _play_until(self, last: int | None, show: Callable[[str], None] | None) -> None:
         """Play until the last turn, or the end of the game; `show` gets the progress."""
@@ -347,21 +347,25 @@ class Game(Surface, RuleVerbs):
                 warn_of_no_end(self.ctx.logger)
 
         ahead = self._ahead(last, after_turns)
-        while (last is None or self._state.turn < last) and self._begin_turn():
-            next(ahead)
+        while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
             if not self._take_turn():
                 return
             after_turns()
 
-    def _ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[None]:
-        """Yield before each turn that the turn engine has to play; the core plays the others, see `native`."""
+    def _ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[bool]:
+        """Yield whether the turn engine has to play the next turn; the core plays the others, see `native`."""
         from gamms.game.native import game_in_core  # few programs need it
 
         self._in_core = game_in_core(self, last, self._in_core)
         if self._in_core is not None:
             yield from self._in_core.ahead(last, after_turns)
-        while True:
-            yield
+        while self._in_core is None:
+            yield True
+
+    def _leave_last_turn(self) -> None:
+        """Let the end of the last turn be made when it is read, if the core has played it."""
+        if self._in_core is not None:
+            self._phase.leave_unread(self._in_core.read_turn)
 
     def _warn_of_misspelt(self, scored: set[object]) -> None:
         """Log a warning for each new key of scores, and for a winner, that resembles the name of a team or agent."""
@@ -420,7 +424,7 @@ class Game(Surface, RuleVerbs):
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
 
-    @refused_while_deciding
+    @replacing_last_turn
     def reset(self, seed: int | None = None) -> None:
         """Restore the game to its start: agents, map, rules, settings, data, scores and random streams.
 
@@ -439,6 +443,7 @@ class Game(Surface, RuleVerbs):
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:
+            self._phase.leave_unread(None)
             self._snapshots.restore(start.snapshot, forget=True)
             state.start = start
             state.has_begun = False
@@ -467,7 +472,7 @@ class Game(Surface, RuleVerbs):
         self._snapshots.refuse_in_turn("taken")
         return self._snapshots.take()
 
-    @refused_while_deciding
+    @replacing_last_turn
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this game; any number of times, in any order.
 
@@ -488,6 +493,7 @@ class Game(Surface, RuleVerbs):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
+        self._phase.leave_unread(None)
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
 
@@ -521,7 +527,7 @@ class Game(Surface, RuleVerbs):
             BadType, BadValue: the seed is not a 64-bit integer, or the game does not allow full information.
             IllegalMutation: no agent is deciding.
         """
-        if self._phase.agent is None:
+        if not self._phase.is_deciding:
             raise IllegalMutation(
                 "state['fork'] is for strategies and plans while they decide: the copy has what their agents know. "
                 "Between two turns use ctx.game.fork(seed)."

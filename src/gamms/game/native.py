@@ -1,9 +1,10 @@
 """Turns that the core plays as a whole, in games that consist of shipped parts.
 
 A run has to call Python in every turn if a strategy, a rule, a sensor or a listener of the program takes part in it.
-If none does, the core plays the turns, and the turn engine only those that leave something that can be read:
-the last turn of the run, and the last turn of each agent that was eliminated. From them remain the states of agents,
-the data of their sensors, and `ctx.game.moves`.
+If none does, the core plays the turns. The last turn of each agent leaves something that can be read: its state, the
+data of its sensors, and `ctx.game.moves`. For agents that are eliminated before the end of the run, the turn engine
+plays that turn at once. For the others it plays the moves of the last turn again when something of this is read, or
+before anything changes; see `DecidePhase.leave_unread`.
 """
 
 from collections.abc import Callable, Iterator
@@ -27,7 +28,7 @@ from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
-from gamms.ir.game_state import GameState, in_conflict
+from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.progress import uninterrupted
 
@@ -129,6 +130,39 @@ class _Itself:
     __hash__ = None  # type: ignore[assignment] # keys are compared, not hashed
 
 
+class LastTurns:
+    """The turns that the core has played last, and the state of the game in the context before them.
+
+    Args:
+        undo: undoes them in the columns.
+        turn: the turn that the context shows before them.
+        values: the state of the game in the context.
+
+    Attributes:
+        undo, turn: see the arguments.
+    """
+
+    def __init__(self, undo: Callable[[], None], turn: int, values: GameState) -> None:
+        self.undo = undo
+        self.turn = turn
+        self._blocked = BlockedAgents(values.blocked)
+        self._num_errors = len(values.errors)
+
+    def show(self, values: GameState, turn: int) -> dict[str, Any]:
+        """Show what the moves after a turn depend on, as before these turns; return the fields as they were."""
+        before = {
+            "turn": turn,
+            "over": None,
+            "blocked": self._blocked,
+            "errors": values.errors[: self._num_errors],
+            "timings": dict(values.timings),
+        }
+        now = {name: getattr(values, name) for name in before}
+        for name, value in before.items():
+            setattr(values, name, value)
+        return now
+
+
 class GameInCore:
     """A game of shipped parts in the core: its columns, and how they are read from the context and shown in it.
 
@@ -169,6 +203,7 @@ class GameInCore:
         number = {name: i for i, name in enumerate(roster.names)}
         self._by_row = np.array([number[name] for name in block.names], np.int64)  # the number of the agent of each row
         self._seconds = np.inf  # that the last turns took, each
+        self._last_turns: LastTurns | None = None
 
     def _read(self, begin: IntArray) -> None:
         """Copy the state of the game to the columns; `begin` are the start nodes of agents, (1, agents)."""
@@ -188,37 +223,78 @@ class GameInCore:
         """Copy the state of the game to the columns, which are older."""
         self._read(self._state.streets.rows(np.array([self._roster.first_nodes(self._game)])))
 
-    def ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[None]:
-        """Play turns; yield whenever the turn engine has to play the next one, until the game has ended.
+    def ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[bool]:
+        """Play turns until the end; yield True if the turn engine has to play the next one, False when all are played.
 
         Args:
             last: the last turn; None: only rules end the game.
             after_turns: called when the context shows the end of turns that were played here.
         """
         state = self._state
-        while True:
+        self._last_turns = None
+        is_going = True
+        while is_going:
             turn = int(state.turn[0])
             most = _FIRST_TURNS if self._seconds == np.inf else max(1, int(_MOMENT_S / self._seconds))
             undo = state.checkpoint(self._core.moves)
             began = perf_counter()
-            self._play_to(turn + most if last is None else min(turn + most, last - 1))
+            self._play_to(turn + most if last is None else min(turn + most, last))
             played = int(state.turn[0])
             self._seconds = max(perf_counter() - began, _SHORTEST_S) / max(played - turn, 1)
+            is_going = bool(state.is_going[0]) and played != last
             left = self._turns_of_engine(turn)
-            if not state.is_going[0] and left[-1:] != [played]:
-                left.append(played)
+            if not is_going and left[-1:] == [played]:
+                left.pop()
             if left:
                 undo()
-            elif played + 1 == last:
-                left.append(last)
             for number in left:
                 self._play_to(number - 1)
                 self._show(after_turns)
-                yield
+                yield True
                 self._play_to(number)
                 self._shown = number
-            if not left:
+            if not is_going:
+                self._last_turns = LastTurns(undo, self._shown, self._game.internals.state)
+            if not left or not is_going:
+                self._play_to(played)
                 self._show(after_turns)
+        yield False
+
+    @property
+    def read_turn(self) -> Callable[[], None] | None:
+        """A function that makes the end of the last turn, which the turn engine has not played; None: it is made."""
+        return None if self._last_turns is None else self._read_last_turn
+
+    def _read_last_turn(self) -> None:
+        """Play the moves of the last turn again with the turn engine, from where it began."""
+        before = self._last_turns
+        self._last_turns = None
+        assert before is not None  # noqa: S101 - the turn is not made
+        values = self._game.internals.state
+        turns = self._game.internals.parts.turns
+        turn = values.turn
+        with uninterrupted():
+            before.undo()
+            self._play_to(before.turn)
+            self._play_to(turn - 1)
+            now = before.show(values, turn - 1)
+            self._show_agents()
+            self._show_memories(values)
+            self._show_blocked(values, self._state.errors[0][len(values.errors) :])
+            self._shown = turn - 1
+            try:
+                turns.is_playing = True
+                turns.repeat_moves()
+            finally:
+                turns.is_playing = False
+                for name, value in now.items():
+                    setattr(values, name, value)
+                self._play_to(turn)
+                self._show_agents()
+                self._show_memories(values)
+                self._show_counts(values)
+                turns.show_blocked()
+                self._shown = turn
 
     def _play_to(self, turn: int) -> None:
         """Play until this turn has ended."""
@@ -294,13 +370,19 @@ class GameInCore:
         values.events += events
         errors = state.errors[0][len(values.errors) :]
         values.errors += errors
+        if state.over[0] is not None:
+            values.over = dict(state.over[0])
         self._show_counts(values)
         self._show_blocked(values, errors)
-        for name, key, value in memories_of(state, self._steps):
-            values.memory_of(name)[key] = value
+        self._show_memories(values)
         for rule in as_called(self._game.rules):
             if rule.spec.show_arrays is not None:
                 rule.spec.show_arrays(self._game.ctx, state, events, self._later_events(rule))
+
+    def _show_memories(self, values: GameState) -> None:
+        """Show what strategies remember."""
+        for name, key, value in memories_of(self._state, self._steps):
+            values.memory_of(name)[key] = value
 
     def _show_counts(self, values: GameState) -> None:
         columns = [self._state.counts[kind][0].tolist() for kind in COUNTED]

@@ -48,6 +48,7 @@ class RuleVerbs(Settings):
     @property
     def counts(self) -> dict[str, dict[str, int]]:
         """Agent -> its numbers of moves, blocked moves, and so on, up to the last snapshot or result."""
+        self._phase.read_last_turn()
         self._turns.list_counts()
         return self._phase.shown(self._state.counts)
 
@@ -55,7 +56,7 @@ class RuleVerbs(Settings):
     def scores(self) -> Scores:
         """Scores by team, agent or any other key; a missing key has the score 0."""
         scores = self._state.scores
-        return scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(scores)))  # type: ignore[return-value] # it reads like them
+        return ReadOnlyMapping(Scores(frozen(scores))) if self._phase.is_deciding else scores  # type: ignore[return-value] # it reads like them
 
     @property
     def is_over(self) -> bool:
@@ -76,6 +77,7 @@ class RuleVerbs(Settings):
     @property
     def moves(self) -> dict[str, Move]:
         """Agent -> its move in this turn, for agents on the ground; rules must not change it."""
+        self._phase.read_last_turn()
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
@@ -128,6 +130,7 @@ class RuleVerbs(Settings):
         """
         given = as_items(agents, "agents", "agents or their names")
         found = [one if hasattr(one, "name") else self._agent(one) for one in given]
+        self._phase.read_last_turn()
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(found)
         return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
@@ -217,7 +220,8 @@ class RuleVerbs(Settings):
         """Agent -> its memory. While agents decide, each sees only its own."""
         phase = self._phase
         memories = self._state.memories
-        return memories if phase.agent is None else frozen({name: memories.get(name, {}) for name in phase.names()})
+        own = {name: memories.get(name, {}) for name in phase.names()} if phase.is_deciding else None
+        return memories if own is None else frozen(own)
 
     @property
     def is_deciding(self) -> bool:

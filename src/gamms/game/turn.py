@@ -125,7 +125,7 @@ class TurnEngine(GameTurn):
     def order(self) -> TurnOrder:
         """Return the living agents in the order of a turn."""
         order: TurnOrder | None = self.order_now
-        if order is not None and self.phase.agent is not None:
+        if order is not None and self.phase.is_deciding:
             return order  # nothing changes while agents decide
         block = self._ctx.agent.block
         if block.flyers:
@@ -206,7 +206,7 @@ class TurnEngine(GameTurn):
         """Return the living agents in the order of names."""
         agents = self._ctx.agent
         order = self.order_now
-        if order is not None and self.phase.agent is not None:
+        if order is not None and self.phase.is_deciding:
             return [*order.living]
         block = agents.block
         if order is not None and order.block is block and order.structure_version == block.structure.version:
@@ -262,7 +262,7 @@ class TurnEngine(GameTurn):
 
     def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
-        if self.phase.agent is not None:
+        if self.phase.is_deciding:
             return  # nothing changes while agents decide
         state = self.state
         since = self._departure
@@ -290,8 +290,11 @@ class TurnEngine(GameTurn):
 
     def list_counts(self) -> None:
         """Add conflicts, and agents whose slots are not made, to the counts."""
-        if self.order_now is not None:
-            self.order_now.list_counts()
+        order = self.order_now
+        if order is None and self.state.counts:  # the core has played all turns
+            order = self.order()
+        if order is not None:
+            order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""

@@ -127,7 +127,7 @@ class Graph(Surface, Guarded, IGraph):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the contents of the graph; while a strategy runs, pickle a copy."""
-        return type(self), (self._store if self._phase.agent is None else deepcopy(self._store),)
+        return type(self), (deepcopy(self._store) if self._phase.is_deciding else self._store,)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy the graph, for simulations by a strategy."""
@@ -287,7 +287,7 @@ class Graph(Surface, Guarded, IGraph):
     def neighborhoods(self) -> Neighborhoods:
         """A live read-only mapping: node id -> the node itself, then its neighbors."""
         found = self._store.neighborhoods
-        return found if self._phase.agent is None else ReadOnlyMapping(found)  # type: ignore[return-value] # it reads like them
+        return ReadOnlyMapping(found) if self._phase.is_deciding else found  # type: ignore[return-value] # it reads like them
 
     def has_node(self, node_id: int) -> bool:
         """Return whether a node with this id exists."""
@@ -452,7 +452,7 @@ class Graph(Surface, Guarded, IGraph):
     def columns(self) -> GraphColumns:
         """Return the graph as read-only arrays that never change."""
         columns = self._store.columns()
-        if self._phase.agent is None:
+        if not self._phase.is_deciding:
             return columns
         shown = self._shown
         if shown is None or shown.revision != columns.revision:

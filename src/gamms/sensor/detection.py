@@ -124,7 +124,7 @@ class DetectionModel(Guarded):
     @contextmanager
     def rolled_back(self) -> Iterator[None]:
         """Undo the looks of a running strategy, so that they do not change later draws."""
-        if self._phase.agent is None:
+        if not self._phase.is_deciding:
             yield
             return
         looks = self._looks.copy()

@@ -79,7 +79,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     @property
     def sensors(self) -> dict[str, ISensor]:  # type: ignore[override] # an attribute, in the contract
         """The sensors by name; read-only while agents decide."""
-        is_open = self._phase.agent is None
+        is_open = not self._phase.is_deciding
         return self._sensors if is_open else ReadOnlyMapping(self._sensors)  # type: ignore[return-value] # it reads like it
 
     def __repr__(self) -> str:

@@ -121,6 +121,7 @@ class Sensor(ContextPart, ISensor):
     def data(self) -> Any:
         """The data of the last look; settable. While agents decide, it is read-only, and only its owner may read it."""
         phase = self._phase
+        phase.read_last_turn()
         if phase.agent is not None and self._owner not in (None, *phase.names()):
             phase.refuse(f"read the data of sensor {self.sensor_id!r} of agent {self._owner!r}")
         return phase.shown(self._last[0])

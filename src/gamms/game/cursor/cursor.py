@@ -268,7 +268,7 @@ class Cursor:
     @property
     def is_asking(self) -> bool:
         """Whether a strategy or a plan is running."""
-        return self._phase.agent is not None
+        return self._phase.is_deciding
 
     # -- the context --------------------------------------------------------------------------------------------
 
