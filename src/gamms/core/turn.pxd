@@ -53,7 +53,7 @@ cdef class Entry:
 
 @cython.final
 cdef class TurnPlan:
-    cdef readonly i64 epoch
+    cdef public i64 epoch
     cdef readonly object order
     cdef readonly list entries
 

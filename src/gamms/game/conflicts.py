@@ -267,7 +267,6 @@ class TurnConflicts:
     """Finds the agents that stay in each turn of a game; its working memory is reused while the agents are the same."""
 
     def __init__(self) -> None:
-        self._checked: tuple[TurnOrder | None, IConflicts | None] = None, None  # whose teams have ranks
         self._agents: _Agents | None = None
         self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
@@ -285,14 +284,13 @@ class TurnConflicts:
         Raises:
             LookupError: of the rank function, such as `MissingKey` of `by_priority`.
         """
-        known_order, known_conflicts = self._checked
-        if order is known_order and conflicts is known_conflicts:
+        if order.ranked_by is conflicts:
             return
         flying = set(order.slots.flying)
         for i in np.flatnonzero(unranked(conflicts, order.names, order.all_teams())).tolist():
             if i not in flying:
                 refuse_unranked(conflicts, order.names[i], order.all_teams()[i])
-        self._checked = order, conflicts
+        order.ranked_by = conflicts
 
     def losers(
         self,

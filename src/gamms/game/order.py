@@ -9,7 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.core.agents import MovingAgents
 from gamms.core.ask import SensorCall
-from gamms.core.turn import PartInCore
+from gamms.core.turn import PartInCore, TurnPlan
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
@@ -206,14 +206,29 @@ class TurnOrder:
         blocked: (agents,) the number of stopped moves of each agent that is not yet in its counts.
         structure_version, rows_version: versions of the agents.
         in_conflict: the agents as `TurnConflicts` has made them for this order.
+        plan: the phases of a turn; None: they are not known.
+        acts, conflicts: whether rules act before the moves, and the conflicts, in this plan.
+        ranked_by: the last conflicts in which the team of every agent has a rank.
+        in_rules: the last roster of the rules of the core, and the slot of each of its agents; -1: it has none.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
         *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
-        *("has_deeds", "has_parts", "in_conflict", "moving", "parts", "rows_version", "selection", "slots"),
-        *("structure_version", "unlisted", "whole"),
+        *(
+            "acts",
+            "conflicts",
+            "has_deeds",
+            "has_parts",
+            "in_conflict",
+            "in_rules",
+            "moving",
+            "parts",
+            "plan",
+            "ranked_by",
+        ),
+        *("rows_version", "selection", "slots", "structure_version", "unlisted", "whole"),
     )
 
     def __init__(
@@ -229,6 +244,11 @@ class TurnOrder:
         self.block = block
         self.structure_version = block.structure.version
         self.in_conflict = InConflict(None, None, None)
+        self.plan: TurnPlan | None = None
+        self.acts = False
+        self.conflicts: object = None
+        self.ranked_by: object = None
+        self.in_rules: tuple[object, Any] = None, None
         self.rows_version = block.rows.version
         self.groups = order
         self.has_channels = bool(settings.channels)

@@ -97,6 +97,7 @@ class TurnEngine(GameTurn):
         self._epoch = -1  # of the order
         self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
         self._kept_of: tuple[Any, ...] = ()  # what these orders depend on
+        self._counting = dict[int, TurnOrder]()  # by id, the orders with moves that are not in the counts of agents yet
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.departed_teams = Counter[Any]()
         self._counted: object = None  # the deleted agents of these teams
@@ -134,11 +135,16 @@ class TurnEngine(GameTurn):
             made_of = self._get_order_key(block)
             if order is None or self._order_of != made_of or order.structure_version != block.structure.version:
                 order = self._order_of_living(block, made_of)
-                self.order_now = order
+                self._use(order)
                 self._order_of = made_of
                 self.near = self._ctx.graph.graph.neighborhoods
             self._epoch = self.phase.epoch
         return order
+
+    def _use(self, order: TurnOrder) -> None:
+        """Play turns in an order from now on."""
+        self.order_now = order
+        self._counting[id(order)] = order
 
     def _order_of_living(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
         """Return the order of the agents that are alive now; see `_get_order_key`.
@@ -152,7 +158,7 @@ class TurnEngine(GameTurn):
         lives = bytes(block.alive)
         order = self._kept.get(lives)
         if order is not None:
-            self.update_counts()
+            self.note_departed()
             order.structure_version = block.structure.version
             for slot in order.slots.made():
                 slot.show_blocked()
@@ -161,6 +167,7 @@ class TurnEngine(GameTurn):
             order = self._new_order(block, made_of)
         if (len(self._kept) + 1) * len(order.slots) > _MOST_KEPT:
             self._kept.clear()
+            self.update_counts()
         self._kept[lives] = order
         return order
 
@@ -182,6 +189,8 @@ class TurnEngine(GameTurn):
         self.note_departed()
         if change is None:
             self.update_counts()
+        elif before is not None:  # the new order takes its counts over
+            self._counting.pop(id(before), None)
         groups = self.groups if self.is_moving else settings.order
         return TurnOrder(slots, block, settings, groups, before, change)
 
@@ -192,7 +201,7 @@ class TurnEngine(GameTurn):
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order whose agents are alive again."""
         order.structure_version = self._ctx.agent.block.structure.version
-        self.order_now = order
+        self._use(order)
         self._order_of = self._get_order_key(order.block)
         self._epoch = self.phase.epoch
         self.near = self._ctx.graph.graph.neighborhoods
@@ -257,8 +266,9 @@ class TurnEngine(GameTurn):
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
         self.note_departed()
-        if self.order_now is not None:
-            self.order_now.update_counts()
+        for order in self._counting.values():
+            order.update_counts()
+        self._counting = {} if self.order_now is None else {id(self.order_now): self.order_now}
 
     def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
@@ -280,8 +290,8 @@ class TurnEngine(GameTurn):
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""
-        if self.order_now is not None:
-            self.order_now.restart_counts()
+        for order in self._counting.values():
+            order.restart_counts()
 
     def show_blocked(self) -> None:
         """Update the reasons in the states of agents why their last actions were not executed."""
@@ -290,10 +300,9 @@ class TurnEngine(GameTurn):
 
     def list_counts(self) -> None:
         """Add conflicts, and agents whose slots are not made, to the counts."""
-        order = self.order_now
-        if order is None and self.state.counts:  # the core has played all turns
-            order = self.order()
-        if order is not None:
+        if self.order_now is None and self.state.counts:  # the core has played all turns
+            self.order()
+        for order in self._counting.values():
             order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
@@ -317,7 +326,7 @@ class TurnEngine(GameTurn):
         order = self.order() if drawn else self.order_now
         if order is None:
             return
-        order.restart_counts()
+        self.restart_counts()
         order.slots.table.begin_again()
         if shows_blocked:
             self.show_blocked()
@@ -379,13 +388,19 @@ class TurnEngine(GameTurn):
         """Return the phases that turns of these agents need."""
         self.conflicting = None
         acts = order.has_deeds or self.rules.now.may_act_before_moves
-        has_conflicts = self._settings.conflicts is not None
+        conflicts = self._settings.conflicts
+        if order.plan is not None and order.acts == acts and order.conflicts is conflicts:
+            order.plan.epoch = self.phase.epoch
+            return order.plan
         needed = []
         for part in order.parts:
-            gives_way = has_conflicts and not part.decides_at_arrivals
+            gives_way = conflicts is not None and not part.decides_at_arrivals
             phases = {"decide": True, "act": acts, "give way": gives_way, "move": True, "join": order.has_parts}
             needed.append({phase for phase, is_needed in phases.items() if is_needed})
-        return self.make_plan(order, needed, order.has_channels)
+        order.plan = self.make_plan(order, needed, order.has_channels)
+        order.acts = acts
+        order.conflicts = conflicts
+        return order.plan
 
     def _check(self, plan: TurnPlan) -> None:
         """Refuse to play a plan if a team is left out.

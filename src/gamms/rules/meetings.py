@@ -495,9 +495,13 @@ class TurnContacts(RuleMoves):
 
     def slots_of(self, order: TurnOrder, block: AgentBlock) -> Any:
         """Return the slot of each agent in an order, (agents,); -1: it has none."""
-        slots = np.full(len(block), -1)
-        slots[order.selection.array] = np.arange(len(order.slots))
-        return slots[self.roster.rows].data
+        roster, slots = order.in_rules
+        if roster is not self.roster:
+            of_rows = np.full(len(block), -1)
+            of_rows[order.selection.array] = np.arange(len(order.slots))
+            slots = of_rows[self.roster.rows].data
+            order.in_rules = self.roster, slots
+        return slots
 
     def note_placed(self, block: AgentBlock) -> None:
         """Note the agents that were relocated after their moves."""
