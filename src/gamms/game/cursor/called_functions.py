@@ -62,7 +62,7 @@ def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
 
 
 def asked_if_there(game: PlayedGame, roster: AgentTable) -> Iterator[int]:
-    """Yield the numbers of agents, whether in the game or to come, whose strategies or plans are called game by game."""
+    """Yield the numbers of agents, also of those to come, whose strategies or plans are called game by game."""
     settings = game.internals.parts.settings.settings_now()
     plans = settings["plans"]
     for number, form in enumerate(core_forms(game, roster)):
