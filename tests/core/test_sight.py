@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.core.agents import AgentColumns, NodeNumbers
-from gamms.core.sight import AgentPositions, RangeSearch
+from gamms.core.observe import list_seen
+from gamms.core.sight import AgentPositions, AgentsByX, RangeSearch, SensorTable
 
 LARGE = 1.7e308
 COORDINATES = st.one_of(
@@ -116,3 +117,41 @@ def test_a_node_that_is_not_there_is_an_error():
         sight.seen_from(1, "")
     with pytest.raises(KeyError):
         places.fill(["a0"], [1])
+
+
+def seen_in_a_batch(places, alive, radius):
+    """The pairs of agents that see each other in a game of a batch, each with one sensor for agents of any team."""
+    count = len(places)
+    order = np.argsort([x for x, _ in places], kind="stable")
+    by_x = AgentsByX(
+        count,
+        memoryview(np.array(places, np.float64).reshape(-1)),
+        memoryview(np.array(alive, np.uint8)),
+        memoryview(order),
+        memoryview(np.argsort(order)),
+        memoryview(np.zeros(count, np.int64)),
+        memoryview(np.zeros(count, np.int64)),
+    )
+    squares = memoryview(np.full(count, radius * radius))
+    sensors = SensorTable(memoryview(np.arange(count + 1)), squares, memoryview(np.ones(count, np.uint8)), 1)
+    pairs = np.zeros((count * count, 3), np.int64)
+    viewers = memoryview(np.arange(count))
+    found = list_seen(sensors, by_x, viewers, memoryview(np.ones(count, np.uint8)), memoryview(pairs.reshape(-1)))
+    return {(viewer, other) for _, viewer, other in pairs[:found].tolist()}
+
+
+@given(
+    agents=st.lists(
+        st.tuples(st.integers(-4, 4).map(float), st.integers(-4, 4).map(float), st.booleans()), min_size=1, max_size=9
+    ),
+    radius=st.integers(1, 6).map(float) | st.just(math.inf),
+)
+def test_agents_of_a_batch_see_what_their_sensors_show_in_one_game(agents, radius):
+    at = {row: (x, y) for row, (x, y, _) in enumerate(agents)}
+    alive = [is_alive for *_, is_alive in agents]
+    places, sight = sight_of(at, list(at), radius)
+    for row, is_alive in enumerate(alive):
+        places.put(row, row, is_seen=is_alive)
+        sight.move(row)
+    shown = {(row, other) for row in at for other in sight.seen_from(row, f"a{row}").values()}
+    assert seen_in_a_batch([*at.values()], alive, radius) == shown

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport strategies
+from gamms.core cimport sight
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -11,11 +11,12 @@ cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 
 @cython.final
 cdef class VisibleAgents:
-    cdef strategies.SensorTable looks
+    cdef sight.SensorTable looks
     cdef bint has_looks
     cdef i64 agents
     cdef const i64[::1] viewers, node, team, first, nodes
     cdef const u8[::1] alive, are_mates, mates
+    cdef const double[::1] xy
 
 
 @cython.final
@@ -54,15 +55,12 @@ cdef class NodeFeatures:
     cdef float[::1] values
 
 
-@cython.locals(agents=i64, found=i64, row=i64, game=i64, count=i64, place=i64)
+@cython.locals(found=i64, row=i64, game=i64, count=i64, place=i64)
 cpdef i64 list_seen(
-    strategies.SensorTable looks,
-    strategies.AgentsByX by_x,
+    sight.SensorTable looks,
+    sight.AgentsByX by_x,
     const i64[::1] viewers,
-    const i64[::1] team,
     const u8[::1] is_asked,
-    const u8[::1] alive,
-    i64[::1] seen,
     i64[::1] pairs,
 ) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
@@ -70,7 +68,10 @@ cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(row=i64, base=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
 cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game, i64 agent) except -1 nogil
-@cython.locals(row=i64, base=i64, here=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
+@cython.locals(
+    row=i64, base=i64, here=i64, pair=i64, at=i64, viewer=i64, x=double, y=double, own=i64, other=i64, node=i64,
+    dx=double, dy=double
+)
 cpdef int look(Observers o, NearestAgents found, i64 game, i64 agent) except -1 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
 cdef i64 _choose_nearest(VectorObservations v, NearestAgents found, double own_x, double own_y) except -1 nogil

@@ -7,7 +7,7 @@ include the action that leads there, and the numbers of visible agents on it. Le
 
 from __future__ import annotations
 
-from gamms.core import strategies
+from gamms.core import sight
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -29,6 +29,7 @@ class VisibleAgents:
 
     Attributes:
         looks: the sensors of all agents of a game.
+        xy: (2 * nodes,) x and y of each node, map units.
         first: (rows + 1,) the pairs of a row are `first[row]` to `first[row + 1] - 1`.
         nodes: (pairs,) the node of the visible agent.
         mates: (pairs,) 1: it is a teammate.
@@ -41,7 +42,8 @@ class VisibleAgents:
 
     def __init__(
         self,
-        looks: strategies.SensorTable | None,
+        looks: sight.SensorTable | None,
+        xy: memoryview[float],
         first: memoryview[int],
         nodes: memoryview[int],
         mates: memoryview[int],
@@ -54,6 +56,7 @@ class VisibleAgents:
     ) -> None:
         self.looks = looks
         self.has_looks = looks is not None
+        self.xy = xy
         self.viewers = viewers
         self.node = node
         self.alive = alive
@@ -196,39 +199,32 @@ class NodeFeatures:
 
 
 def list_seen(
-    looks: strategies.SensorTable,
-    by_x: strategies.AgentsByX,
+    looks: sight.SensorTable,
+    by_x: sight.AgentsByX,
     viewers: memoryview[int],
-    team: memoryview[int],
     is_asked: memoryview[int],
-    alive: memoryview[int],
-    seen: memoryview[int],
     pairs: memoryview[int],
 ) -> int:
     """Write pairs of observers and visible agents in some games; return their number, those without room included.
 
     Args:
-        looks: the sensors of all agents; its places are the positions of all agents of these games.
+        looks: the sensors of all agents of a game.
         by_x: the agents of these games.
         viewers: (observers,) their numbers among all agents.
-        team: (agents,) the team number of each agent.
         is_asked: (games * observers,) 1: the observer looks.
-        alive: (games * agents,) 1: the agent is alive.
-        seen: (agents,) working memory.
         pairs: (room * 3,) receives the game, the observer and the seen agent of each pair.
     """
-    agents = len(team)
     found = 0
     for row in range(len(is_asked)):
         if not is_asked[row]:
             continue
         game = row // len(viewers)
-        count = strategies.see(looks, by_x, team, alive, game * agents, viewers[row % len(viewers)], seen)
+        count = sight.see(looks, by_x, game, viewers[row % len(viewers)])
         for place in range(count):
             if 3 * found < len(pairs):
                 pairs[3 * found] = game
                 pairs[3 * found + 1] = row % len(viewers)
-                pairs[3 * found + 2] = seen[place]
+                pairs[3 * found + 2] = by_x.seen[place]
             found += 1
     return found
 
@@ -313,12 +309,16 @@ def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
     at = o.games[game] * o.seen.agents
     viewer = o.seen.viewers[agent]
     here = base + o.seen.node[at + viewer]
+    x = o.seen.xy[2 * here]
+    y = o.seen.xy[2 * here + 1]
     own = o.seen.team[viewer]
     for other in range(o.seen.agents):
         if other == viewer or not o.seen.alive[at + other]:
             continue
         node = base + o.seen.node[at + other]
-        if strategies.shows(o.seen.looks, viewer, o.seen.team[other], here, node):  # type: ignore[arg-type]
+        dx = o.seen.xy[2 * node] - x
+        dy = o.seen.xy[2 * node + 1] - y
+        if sight.is_shown(o.seen.looks, viewer, o.seen.team[other], dx, dy):  # type: ignore[arg-type]
             found.nodes[found.count] = node
             found.mates[found.count] = o.seen.team[other] == own and o.seen.are_mates[own]
             found.count += 1

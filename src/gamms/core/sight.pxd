@@ -1,7 +1,9 @@
 cimport cython
 
 from gamms.core.agents cimport AgentColumns
+from gamms.core.rules cimport GameColumns
 
+ctypedef unsigned char u8
 ctypedef long long i64
 
 cdef extern from "math.h":
@@ -10,6 +12,44 @@ cdef extern from "math.h":
 
 cdef double LEAST, MOST, SCALE, MOST_CELLS, SLACK, TURN
 cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
+
+
+cpdef double scale_of(double radius) noexcept nogil
+cdef bint is_within(double dx, double dy, double square) noexcept nogil
+@cython.locals(off=double)
+cdef bint is_ahead(double dx, double dy, double axis, double rim) noexcept nogil
+
+
+@cython.final
+cdef class SensorTable:
+    cdef const i64[::1] begins
+    cdef const double[::1] squares
+    cdef const u8[::1] shows
+    cdef i64 teams
+
+
+@cython.locals(sensor=i64)
+cdef bint is_shown(SensorTable sensors, i64 viewer, i64 team, double dx, double dy) except -1 nogil
+@cython.locals(widest=double, sensor=i64)
+cdef double widest_square(SensorTable sensors, i64 viewer) except? -1.0 nogil
+
+
+@cython.final
+cdef class AgentsByX:
+    cdef i64 agents
+    cdef double[::1] places
+    cdef u8[::1] alive
+    cdef i64[::1] order, ranks, seen
+    cdef const i64[::1] team
+
+    @cython.locals(first=i64, row=i64, number=i64, agent=i64, x=double, place=i64)
+    cdef int place(self, GameColumns games, const double[::1] xy, i64 game) except -1 nogil
+
+
+@cython.locals(
+    widest=double, first=i64, here=i64, count=i64, side=i64, rank=i64, other=i64, dx=double, dy=double
+)
+cdef i64 see(SensorTable sensors, AgentsByX agents, i64 game, i64 viewer) except -1 nogil
 
 
 @cython.final
@@ -63,7 +103,7 @@ cdef class RangeSearch:
     @cython.locals(count=i64, place=i64)
     cpdef list rows(self, double x, double y)
     @cython.locals(
-        place=i64, row=i64, xs=double[::1], ys=double[::1], dx=double, dy=double, off=double, rows=list
+        place=i64, row=i64, xs=double[::1], ys=double[::1], rows=list
     )
     cpdef list rows_ahead(self, double x, double y, double axis, double rim)
     @cython.locals(place=tuple, found=dict, data=dict, count=i64)

@@ -1,7 +1,8 @@
-"""Fast range search: find the agents of one game near a point, with a grid in a hash table.
+"""Looks at agents: which agents are within the radius, and in the field of view, of a sensor.
 
-`AgentPositions` holds the positions of agents; a `RangeSearch` finds the agents within one radius of a point. Rows are
-agents in the order of their creation; results are in the same order.
+`is_within` and `is_ahead` are the tests of all looks. `see` finds the agents that an agent of a batch sees, with the
+help of `AgentsByX`. `AgentPositions` holds the agents of a context in the order of their creation; a `RangeSearch`
+finds those within one radius of a point, with a grid in a hash table, and returns them in the same order.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from math import atan2, fabs
 from typing import Any
 
 from gamms.core.agents import AgentColumns
+from gamms.core.rules import GameColumns
 
 LEAST = 1e-150  # squares of radii between LEAST
 MOST = 1e150  # and MOST are neither zero nor infinite; other radii are scaled
@@ -22,6 +24,155 @@ FACTOR_Y = 19349663
 MANY = 16  # results of at least this many agents are stored for the next search from the node
 MOST_KEPT = 1 << 20  # the maximum number of stored agents
 TURN = 6.283185307179586  # radians
+
+
+# -- tests -------------------------------------------------------------------------------------------------------------
+
+
+def scale_of(radius: float) -> float:
+    """Return the power of two that scales a radius so that its square is neither zero nor infinite."""
+    if radius <= LEAST:
+        return SCALE
+    return 1.0 / SCALE if radius >= MOST else 1.0
+
+
+def is_within(dx: float, dy: float, square: float) -> bool:
+    """Return whether an offset is at most as long as a radius; `square` is the square of the radius.
+
+    The test is dx * dx + dy * dy <= square in 64-bit floats, so an agent on the circle is within the radius.
+    """
+    return dx * dx + dy * dy <= square
+
+
+def is_ahead(dx: float, dy: float, axis: float, rim: float) -> bool:
+    """Return whether an offset is in a sector; an offset of zero is in every sector.
+
+    Args:
+        dx: the offset.
+        dy: the offset.
+        axis: the direction of view, radians.
+        rim: half the angle of the sector, radians.
+    """
+    off = fabs(atan2(dy, dx) - axis)
+    return off <= rim or TURN - off <= rim or (dx == 0.0 and dy == 0.0)
+
+
+# -- the agents of batches ---------------------------------------------------------------------------------------------
+
+
+class SensorTable:
+    """The sensors of agents: each shows the agents of some teams within a radius.
+
+    Attributes:
+        begins: (agents + 1,) the sensors of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
+        squares: (sensors,) squared radii, of radii that need no scale; may be infinite.
+        shows: (sensors * teams,) 1: the sensor shows agents of the team.
+        teams: the number of teams.
+    """
+
+    def __init__(self, begins: memoryview[int], squares: memoryview[float], shows: memoryview[int], teams: int) -> None:
+        self.begins = begins
+        self.squares = squares
+        self.shows = shows
+        self.teams = teams
+
+
+def is_shown(sensors: SensorTable, viewer: int, team: int, dx: float, dy: float) -> bool:
+    """Return whether a sensor of an agent shows an agent of a team at an offset."""
+    for sensor in range(sensors.begins[viewer], sensors.begins[viewer + 1]):
+        if sensors.shows[sensor * sensors.teams + team] and is_within(dx, dy, sensors.squares[sensor]):
+            return True
+    return False
+
+
+def widest_square(sensors: SensorTable, viewer: int) -> float:
+    """Return the largest squared radius of an agent's sensors; -1: it has none."""
+    widest = -1.0
+    for sensor in range(sensors.begins[viewer], sensors.begins[viewer + 1]):
+        widest = max(widest, sensors.squares[sensor])
+    return widest
+
+
+class AgentsByX:
+    """The agents of games by ascending x, so that those near an agent are found on both sides of it.
+
+    Attributes:
+        agents: the number of agents of a game.
+        places: (2 * games * agents,) x and y of each agent, map units.
+        alive: (games * agents,) whether the agent is alive.
+        order: (games * agents,) the agents of each game by ascending x.
+        ranks: (games * agents,) the place of each agent in this order.
+        team: (agents,) the team number of each agent.
+        seen: (agents,) the numbers of the agents that were found last.
+    """
+
+    def __init__(
+        self,
+        agents: int,
+        places: memoryview[float],
+        alive: memoryview[int],
+        order: memoryview[int],
+        ranks: memoryview[int],
+        team: memoryview[int],
+        seen: memoryview[int],
+    ) -> None:
+        self.agents = agents
+        self.places = places
+        self.alive = alive
+        self.order = order
+        self.ranks = ranks
+        self.team = team
+        self.seen = seen
+
+    def place(self, games: GameColumns, xy: memoryview[float], game: int) -> int:
+        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes.
+
+        The order of the last call is corrected by insertion, because most agents have not passed others.
+        """
+        first = game * self.agents
+        for row in range(first, first + self.agents):
+            self.places[2 * row] = xy[2 * games.node[row]]
+            self.places[2 * row + 1] = xy[2 * games.node[row] + 1]
+            self.alive[row] = games.alive[row]
+        for number in range(1, self.agents):
+            agent = self.order[first + number]
+            x = self.places[2 * (first + agent)]
+            place = first + number
+            while place > first and self.places[2 * (first + self.order[place - 1])] > x:
+                self.order[place] = self.order[place - 1]
+                place -= 1
+            self.order[place] = agent
+        for number in range(self.agents):
+            self.ranks[first + self.order[first + number]] = number
+        return 0
+
+
+def see(sensors: SensorTable, agents: AgentsByX, game: int, viewer: int) -> int:
+    """Write the numbers of the agents that an agent sees to `agents.seen`, in no order; return how many they are.
+
+    Dead agents and the agent itself are left out. The search goes to both sides along the x axis, up to the widest
+    radius of the agent's sensors.
+    """
+    widest = widest_square(sensors, viewer)
+    first = game * agents.agents
+    here = first + viewer
+    count = 0
+    for side in range(-1, 2, 2):
+        rank = agents.ranks[here] + side
+        while 0 <= rank < agents.agents:
+            other = agents.order[first + rank]
+            dx = agents.places[2 * (first + other)] - agents.places[2 * here]
+            if not is_within(dx, 0.0, widest):
+                break
+            dy = agents.places[2 * (first + other) + 1] - agents.places[2 * here + 1]
+            if agents.alive[first + other] and is_shown(sensors, viewer, agents.team[other], dx, dy):
+                agents.seen[count] = other
+                count += 1
+            rank += side
+    return count
+
+
+# -- the agents of a context -------------------------------------------------------------------------------------------
 
 
 class AgentPositions:
@@ -103,8 +254,7 @@ class AgentPositions:
 class RangeSearch:
     """Finds the agents within a radius of a point, including those exactly on the circle.
 
-    The test is (dx * dx + dy * dy) <= radius * radius in 64-bit floats; both sides are scaled by a power of two if the
-    square would be zero or infinite.
+    The test is `is_within`; both sides are scaled by a power of two if the square would be zero or infinite.
 
     Args:
         places: the positions of the agents.
@@ -123,11 +273,7 @@ class RangeSearch:
         self.view = view
         self.is_built = False
         self.radius = radius
-        self.scale = 1.0
-        if radius <= LEAST:
-            self.scale = SCALE
-        elif radius >= MOST:
-            self.scale = 1.0 / SCALE
+        self.scale = scale_of(radius)
         self.square = (radius * self.scale) * (radius * self.scale)
         self.is_endless = radius == float("inf")
         self.size = 1.0
@@ -259,7 +405,7 @@ class RangeSearch:
                     if self.cell_x[row] == cell_x and self.cell_y[row] == cell_y:
                         dx = (xs[row] - x) * self.scale
                         dy = (ys[row] - y) * self.scale
-                        if dx * dx + dy * dy <= self.square:
+                        if is_within(dx, dy, self.square):
                             self.found[count] = row
                             count += 1
                     row = self.after[row]
@@ -326,10 +472,7 @@ class RangeSearch:
         rows = []
         for place in range(self._find(x, y)):
             row = self.found[place]
-            dx = xs[row] - x
-            dy = ys[row] - y
-            off = fabs(atan2(dy, dx) - axis)
-            if off <= rim or TURN - off <= rim or (dx == 0.0 and dy == 0.0):
+            if is_ahead(xs[row] - x, ys[row] - y, axis, rim):
                 rows.append(row)
         return rows
 

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws, routes, travel
+from gamms.core cimport draws, routes, sight, travel
 from gamms.core.rules cimport GameColumns
 
 ctypedef unsigned char u8
@@ -22,30 +22,6 @@ cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) e
 
 
 @cython.final
-cdef class SensorTable:
-    cdef const i64[::1] begins
-    cdef const double[::1] squares, places
-    cdef const u8[::1] shows
-    cdef i64 teams
-
-
-@cython.final
-cdef class AgentsByX:
-    cdef i64 agents
-    cdef double[::1] places
-    cdef i64[::1] order, ranks
-
-    @cython.locals(first=i64, row=i64, number=i64, agent=i64, x=double, place=i64)
-    cdef int place(self, GameColumns games, const double[::1] xy, i64 game) except -1 nogil
-
-
-@cython.locals(widest=double, here=i64, count=i64, side=i64, rank=i64, other=i64, dx=double)
-cdef i64 see(
-    SensorTable looks, AgentsByX by_x, const i64[::1] team, const u8[::1] alive, i64 first, i64 viewer, i64[::1] seen
-) except -1 nogil
-
-
-@cython.final
 cdef class StrategySteps:
     cdef const i64[::1] begins, first, sizes, numbers, slots, nodes, following
     cdef const double[::1] chances
@@ -57,10 +33,9 @@ cdef class Strategies:
     cdef GameColumns games
     cdef StrategySteps steps
     cdef routes.PathTables ways
-    cdef SensorTable looks
-    cdef AgentsByX by_x
+    cdef sight.SensorTable looks
+    cdef sight.AgentsByX by_x
     cdef const double[::1] xy
-    cdef i64[::1] seen
     cdef bint has_lookers
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
@@ -92,10 +67,6 @@ cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except
 @cython.locals(count=i64, enemies=i64, place=i64)
 cdef i64 _find_enemies(Strategies p, i64 game, i64 agent) except -1 nogil
 cdef bint are_mates(GameColumns games, i64 agent, i64 other) except -1 nogil
-@cython.locals(dx=double, dy=double, square=double, sensor=i64)
-cdef bint shows(SensorTable looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
-@cython.locals(widest=double, sensor=i64)
-cdef double widest_square(SensorTable looks, i64 agent) except? -1.0 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double, place=i64)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(at=i64, count=i64, number=i64, place=i64, far=double)

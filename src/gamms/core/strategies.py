@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from typing import Any
 
-from gamms.core import draws, routes, travel
+from gamms.core import draws, routes, sight, travel
 from gamms.core.rules import GameColumns
 
 STAYS = 0  # kinds of steps: stay;
@@ -71,107 +71,6 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 # -- the strategies of batches -----------------------------------------------------------------------------------------
 
 
-class SensorTable:
-    """The sensors of agents: each shows the agents of some teams within a radius.
-
-    Attributes:
-        begins: (agents + 1,) the sensors of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
-        squares: (sensors,) squared radii; may be infinite.
-        shows: (sensors * teams,) 1: the sensor shows agents of the team.
-        teams: the number of teams.
-        places: (2 * nodes,) x and y of each node, map units; or of other positions that callers of `shows` number.
-    """
-
-    def __init__(
-        self,
-        begins: memoryview[int],
-        squares: memoryview[float],
-        shows: memoryview[int],
-        teams: int,
-        places: memoryview[float],
-    ) -> None:
-        self.begins = begins
-        self.squares = squares
-        self.shows = shows
-        self.teams = teams
-        self.places = places
-
-
-class AgentsByX:
-    """The agents of games by ascending x, so that those near an agent are found on both sides of it.
-
-    Attributes:
-        agents: the number of agents of a game.
-        places: (2 * games * agents,) x and y of each agent, map units.
-        order: (games * agents,) the agents of each game by ascending x.
-        ranks: (games * agents,) the place of each agent in this order.
-    """
-
-    def __init__(self, agents: int, places: memoryview[float], order: memoryview[int], ranks: memoryview[int]) -> None:
-        self.agents = agents
-        self.places = places
-        self.order = order
-        self.ranks = ranks
-
-    def place(self, games: GameColumns, xy: memoryview[float], game: int) -> int:
-        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes.
-
-        The order of the last call is corrected by insertion, because most agents have not passed others.
-        """
-        first = game * self.agents
-        for row in range(first, first + self.agents):
-            self.places[2 * row] = xy[2 * games.node[row]]
-            self.places[2 * row + 1] = xy[2 * games.node[row] + 1]
-        for number in range(1, self.agents):
-            agent = self.order[first + number]
-            x = self.places[2 * (first + agent)]
-            place = first + number
-            while place > first and self.places[2 * (first + self.order[place - 1])] > x:
-                self.order[place] = self.order[place - 1]
-                place -= 1
-            self.order[place] = agent
-        for number in range(self.agents):
-            self.ranks[first + self.order[first + number]] = number
-        return 0
-
-
-def see(
-    looks: SensorTable,
-    by_x: AgentsByX,
-    team: memoryview[int],
-    alive: memoryview[int],
-    first: int,
-    viewer: int,
-    seen: memoryview[int],
-) -> int:
-    """Find the agents that an agent sees, up to its widest radius to both sides along the x axis; return their number.
-
-    Args:
-        looks: the sensors of all agents of a game; their places are those of `by_x`.
-        by_x: the agents of games,
-        team: (agents,) the team number of each,
-        alive: (games * agents,) and whether it is alive.
-        first: the row of the first agent of the game.
-        viewer: the number of the agent that looks.
-        seen: (agents,) receives the numbers of the agents, in no order.
-    """
-    widest = widest_square(looks, viewer)
-    here = first + viewer
-    count = 0
-    for side in range(-1, 2, 2):
-        rank = by_x.ranks[here] + side
-        while 0 <= rank < by_x.agents:
-            other = by_x.order[first + rank]
-            dx = by_x.places[2 * (first + other)] - by_x.places[2 * here]
-            if dx * dx > widest:
-                break
-            if alive[first + other] and shows(looks, viewer, team[other], here, first + other):
-                seen[count] = other
-                count += 1
-            rank += side
-    return count
-
-
 class StrategySteps:
     """The steps of the strategies of agents.
 
@@ -218,11 +117,10 @@ class Strategies:
         games: the games.
         steps: the steps of their strategies.
         ways: shortest paths.
-        looks: the sensors of the agents; their places are those of `by_x`.
+        looks: the sensors of the agents.
         by_x: the agents by x; it has no memory unless `has_lookers`.
         has_lookers: whether some agents look for others.
         xy: (2 * nodes,) x and y of each node, map units.
-        seen: (agents,) working memory: the enemies that an agent sees.
         keys: (rows,) the `draws.first_key` of each agent.
         legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
         legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
@@ -240,8 +138,8 @@ class Strategies:
         games: GameColumns,
         steps: StrategySteps,
         ways: routes.PathTables,
-        looks: SensorTable,
-        by_x: AgentsByX,
+        looks: sight.SensorTable,
+        by_x: sight.AgentsByX,
         xy: memoryview[float],
         keys: memoryview[int],
         memory: memoryview[int],
@@ -253,7 +151,6 @@ class Strategies:
         self.by_x = by_x
         self.has_lookers = len(self.by_x.order) > 0
         self.xy = xy
-        self.seen = memoryview(array("q", bytes(8 * self.by_x.agents)))
         self.keys = keys
         self.memory = memory
         nodes = len(self.ways.ids)
@@ -393,12 +290,12 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
 
 
 def _find_enemies(p: Strategies, game: int, agent: int) -> int:
-    """Write the numbers of the visible enemies of an agent to `seen`; return how many they are."""
-    count = see(p.looks, p.by_x, p.games.team, p.games.alive, game * p.games.agents, agent, p.seen)
+    """Write the numbers of the visible enemies of an agent to `by_x.seen`, in no order; return how many they are."""
+    count = sight.see(p.looks, p.by_x, game, agent)
     enemies = 0
     for place in range(count):
-        if not are_mates(p.games, agent, p.seen[place]):
-            p.seen[enemies] = p.seen[place]
+        if not are_mates(p.games, agent, p.by_x.seen[place]):
+            p.by_x.seen[enemies] = p.by_x.seen[place]
             enemies += 1
     return enemies
 
@@ -408,32 +305,13 @@ def are_mates(games: GameColumns, agent: int, other: int) -> bool:
     return games.team[agent] == games.team[other] and games.team[agent] != games.nobody
 
 
-def shows(looks: SensorTable, agent: int, team: int, here: int, there: int) -> bool:
-    """Return whether a sensor of an agent at `here` shows an agent of a team at `there`."""
-    dx = looks.places[2 * there] - looks.places[2 * here]
-    dy = looks.places[2 * there + 1] - looks.places[2 * here + 1]
-    square = dx * dx + dy * dy
-    for sensor in range(looks.begins[agent], looks.begins[agent + 1]):
-        if looks.shows[sensor * looks.teams + team] and square <= looks.squares[sensor]:
-            return True
-    return False
-
-
-def widest_square(looks: SensorTable, agent: int) -> float:
-    """Return the largest squared radius of an agent's sensors; -1: it has none."""
-    widest = -1.0
-    for sensor in range(looks.begins[agent], looks.begins[agent + 1]):
-        widest = max(widest, looks.squares[sensor])
-    return widest
-
-
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
     at = game * p.games.agents
     found = -1
     least = INFINITE
     for place in range(_find_enemies(p, game, agent)):
-        other = p.seen[place]
+        other = p.by_x.seen[place]
         far = p.ways.distance(node, p.games.node[at + other])
         if far < least or (far == least and other < found):
             least = far
@@ -452,6 +330,6 @@ def _farthest(p: Strategies, game: int, agent: int) -> int:
         p.legal_ids[number] = p.ways.ids[p.legal[number]]
     for place in range(count):
         for number in range(p.count):
-            far = p.ways.distance(p.games.node[at + p.seen[place]], p.legal[number])
+            far = p.ways.distance(p.games.node[at + p.by_x.seen[place]], p.legal[number])
             p.safety[number] = min(p.safety[number], far)
     return p.legal[farthest(p.safety, p.legal_ids, p.count)]

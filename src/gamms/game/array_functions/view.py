@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
-from gamms.core import observe, strategies
+from gamms.core import observe, sight
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
 from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
@@ -422,7 +422,8 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         games = flat(self.games, np.int64), flat(rows, np.int64)
-        return self._made_observers(mask, games, (choice, offsets, targets), (looks, *pairs), self._state.no_node)
+        seen = looks, flat(streets.columns.xy, np.float64), *pairs
+        return self._made_observers(mask, games, (choice, offsets, targets), seen, self._state.no_node)
 
     def _made_observers(
         self,
@@ -438,7 +439,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             mask: the living agents, in rows of the output.
             games: the numbers of the games, and the first row of each.
             legal: the legal nodes.
-            seen: the sensors, and the pairs of agents.
+            seen: the sensors, the positions of nodes, and the pairs of agents.
             first: (all games,) the first node of the map of each game.
         """
         roster = self.roster
@@ -462,14 +463,14 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             seen=visible,
         )
 
-    def _plain_looks(self) -> strategies.SensorTable | None:
+    def _plain_looks(self) -> sight.SensorTable | None:
         """Return the sensors of all agents in the form of the core; None: some have no such form."""
         state = self._state
         if self._movement.leaves_nodes or state.noted:
             return None
         if "looks" not in state.shared:
-            state.shared["looks"] = made_looks(state, [True] * len(self.roster.names))
-        found: strategies.SensorTable = state.shared["looks"]
+            state.shared["looks"] = made_looks(self.roster, [True] * len(self.roster.names))
+        found: sight.SensorTable = state.shared["looks"]
         return found
 
     @property
@@ -737,12 +738,13 @@ def writers_of(
     first = np.cumsum([0, *(one.num_nodes for one in streets)])
     first_node = first[maps]
     mask = np.zeros((len(maps), len(agents)), np.bool_)
-    sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
+    sensors = sight.SensorTable(*looks[0], len(own.roster.teams))
+    seen = sensors, flat(np.concatenate(xy), np.float64), *_NO_PAIRS
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
     legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
     numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
-    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), (sensors, *_NO_PAIRS), first_node)
+    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), seen, first_node)
     encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
     roads = [view._state.roads for view in views]
     return VectorWriter(own._state.alive, agents, mask, encoder, observers, first, first_node, roads, more, threads)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
-from gamms.core import observe, strategies
+from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.block.columns import PlayedGame, places_of, sensors_of, some_rows
 from gamms.game.block.state import GameArrays
@@ -233,16 +233,17 @@ def _seen_in_core(
     ranks = np.argsort(order, axis=1)
     begins, squares, shows = columns
     num_agents = len(state.roster.names)
-    places = flat(xy, np.float64)
-    who = (
-        strategies.SensorTable(begins, squares, shows, len(state.roster.teams), places),
-        strategies.AgentsByX(num_agents, places, flat(order, np.int64), flat(ranks, np.int64)),
-        flat(agents, np.int64),
-        flat(state.roster.team_of, np.int64),
-        flat(asked.view(np.uint8), np.uint8),
+    by_x = sight.AgentsByX(
+        num_agents,
+        flat(xy, np.float64),
         flat(state.alive[games].view(np.uint8), np.uint8),
+        flat(order, np.int64),
+        flat(ranks, np.int64),
+        flat(state.roster.team_of, np.int64),
         flat(np.zeros(num_agents), np.int64),
     )
+    sensors = sight.SensorTable(begins, squares, shows, len(state.roster.teams))
+    who = sensors, by_x, flat(agents, np.int64), flat(asked.view(np.uint8), np.uint8)
     total = observe.list_seen(*who, flat(np.zeros(0), np.int64))
     if total > _MOST_PAIRS:
         raise TooLarge(f"The agents see {total} agents together, too many for arrays. Ask for fewer games.")
@@ -259,7 +260,7 @@ def _sighted(
     for at, game in enumerate(who[0].tolist()):
         for column, agent in enumerate(who[1].tolist()):
             sights = state.sighted.get((game, agent), {}) if asked[at, column] else {}
-            for others, nodes in [sight for name, sight in sights.items() if name in names or not names]:
+            for others, nodes in [one for name, one in sights.items() if name in names or not names]:
                 counts = (others != agent) | bool(names)
                 here = np.full(int(counts.sum()), at)
                 yield here, np.full_like(here, column), others[counts], nodes[counts]

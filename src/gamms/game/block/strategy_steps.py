@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.core import rules, strategies
+from gamms.core import rules, sight, strategies
 from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.state import Arrays, GameArrays
@@ -23,8 +23,6 @@ from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
-_LEAST = 1e-150
-_MOST = 1e150  # radii whose squares are neither zero nor infinite
 LOOKING = ("chase", "flee")
 _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
@@ -51,7 +49,7 @@ def _plain_look(sensor: ISensor) -> AgentLook | None:
     look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     if look is None or not look.is_plain:
         return None
-    return look if _LEAST < look.radius < _MOST or look.radius == np.inf else None
+    return look if look.radius == np.inf or sight.scale_of(look.radius) == 1.0 else None
 
 
 def has_plain_looks(agent: IAgent) -> bool:
@@ -63,7 +61,7 @@ def has_plain_looks(agent: IAgent) -> bool:
 def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
     """Return the plain sensors of a roster's agents, of these names or all, in the form of the core.
 
-    These are `begins`, `squares` and `shows` of `strategies.SensorTable`.
+    These are `begins`, `squares` and `shows` of `sight.SensorTable`.
     """
     looks: list[list[AgentLook]] = [[] for _ in roster.agents]
     for agent, own in [
@@ -81,10 +79,9 @@ def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] =
     )
 
 
-def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorTable:
-    """Return the plain sensors of the agents of the roster that look from their nodes, for the core."""
-    xy = flat(state.streets.columns.xy, np.float64)
-    return strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), xy)
+def made_looks(roster: AgentTable, looking: Sequence[bool]) -> sight.SensorTable:
+    """Return the plain sensors of a roster's agents, for the core."""
+    return sight.SensorTable(*looks_of(roster, looking), len(roster.teams))
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -154,10 +151,10 @@ class StrategySteps:
         looking = [_looks(one) for one in steps]
         shape = state.node.shape if any(looking) else (0, state.node.shape[1])
         self._order = np.zeros(shape, np.int64)
-        ranks = np.zeros(shape, np.int64)
         places = flat(np.zeros((*shape, 2)), np.float64)
-        self._by_x = strategies.AgentsByX(shape[1], places, flat(self._order, np.int64), flat(ranks, np.int64))
-        self._looks = strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), places)
+        alive = flat(np.zeros(shape), np.uint8)
+        self._agents = places, alive, flat(self._order, np.int64), flat(np.zeros(shape), np.int64)
+        self._looks = made_looks(state.roster, looking)
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
@@ -202,7 +199,10 @@ class StrategySteps:
         memory = self._memory.reshape(-1).data
         xy = flat(self._state.streets.columns.xy, np.float64)
         ways = self._ways[thread].core
-        return strategies.Strategies(games, self._steps, ways, self._looks, self._by_x, xy, keys, memory)
+        team = self._state.roster.team_of
+        seen = flat(np.zeros(len(team)), np.int64)
+        by_x = sight.AgentsByX(len(team), *self._agents, flat(team, np.int64), seen)
+        return strategies.Strategies(games, self._steps, ways, self._looks, by_x, xy, keys, memory)
 
     def take_memories(self, games: IntArray) -> None:
         """Read the memories of agents in some games from the state of the batch, and order the agents by x."""
