@@ -977,7 +977,7 @@ class MovesForRules:
         revision: the revision of the map.
         epoch: the epoch of the agents.
         turn_number: (1,) the number of turns played, for rules.
-        steps, tracks: take moves along at most one edge each, and other moves.
+        steps, tracks: take moves along at most one edge each, and other moves; None: there were no others.
         now: the moves; None: they are not taken yet.
     """
 
@@ -997,7 +997,7 @@ class MovesForRules:
         self.block: AgentColumns
         self.turn_number: memoryview[int]
         self.steps: RuleMoves
-        self.tracks: RuleMoves
+        self.tracks: RuleMoves | None = None
         self.now: RuleMoves | None = None
         self._moves: Any = None
         self._version = 0
@@ -1039,11 +1039,17 @@ class MovesForRules:
         """Take the present agents."""
         raise NotImplementedError
 
+    def make_tracks(self) -> RuleMoves:
+        """Return new columns for moves of the present agents along several edges, or parts of edges."""
+        raise NotImplementedError
+
     def follow_moves(self, ctx: Any, moves: Any) -> RuleMoves:
         """Take the moves of the turn; return them for rules."""
         if moves is not None and moves.are_steps(self.block):
             self.steps.take_steps(moves, self.block)
             return self.steps
+        if self.tracks is None:
+            self.tracks = self.make_tracks()
         self.tracks.follow(ctx)
         return self.tracks
 

@@ -86,6 +86,8 @@ def _zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscript
     return column(kind, bytes(8 * number))
 
 
+_NO_INTS = column("q")
+_NO_FLOATS = column("d")
 _NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, ReachableNodes(0).core)
 _NO_PLACES = core.NodePositions(column("q"), column("d"))
 _NO_LINES = core.PathSegments(0, core.Polylines(), column("d"))
@@ -476,9 +478,10 @@ class TurnContacts(RuleMoves):
         self._no_legs = _zeros("q", size)
         self._one_node = column("q", [1] * size)
         self._of_all = self._tracks(self.columns[2], at_end=False)
-        self._flags = _zeros("q", size * most_legs)
-        ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(4)], self._flags]
-        self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
+        numbers = [_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
+        self._flags = numbers[-1]
+        shares = [_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
+        self.legs = core.Legs(most_legs, self._counts, *numbers, *shares)
         self.rules = None
 
     def draw_by(self, ctx: Context, seeds: int) -> None:
@@ -786,11 +789,16 @@ class GameContacts(MovesForRules):
             roster = Roster(block, gone, roster)
             self._roster = roster
             self.steps = TurnContacts(self, roster, are_steps=True)
-            self.tracks = TurnContacts(self, roster, are_steps=False)
+            self.tracks = None
             self.turn_number = roster.turn
         roster.take_lives(block)
         self.block = block
         self.forget()
+
+    def make_tracks(self) -> TurnContacts:
+        """Return new columns for moves of the present agents along several edges, or parts of edges."""
+        assert self._roster is not None  # noqa: S101 - the agents are taken
+        return TurnContacts(self, self._roster, are_steps=False)
 
     def forget(self) -> None:
         """Take the moves of the turn again when they are read."""
