@@ -34,7 +34,7 @@ from gamms.typing.game import AerialState, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
-_MOST_KEPT = 1 << 16  # agents in orders that are kept
+_MOST_KEPT = 1 << 13  # agents in orders that are kept
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
