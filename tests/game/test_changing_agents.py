@@ -282,3 +282,33 @@ def test_a_team_that_comes_once_a_game_has_begun_is_in_its_batches_and_forks(gri
         alone.reset(seed=1)
         assert games.result(1) == alone.run()
         assert len(alone.result().agents) == 5
+
+
+@pytest.mark.parametrize("reading", [None, 1, 7])
+def test_moves_and_conflicts_are_counted_while_agents_die_and_return(reading):
+    names = [f"a{i}" for i in range(11)]
+    moved, chosen = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+
+    def walk(state):
+        state["action"] = state["draw"].choice(state["legal"])
+        chosen[state["name"]] += state["action"] != state["curr_pos"]
+
+    def live(ctx):
+        for name, move in ctx.game.moves.items():
+            moved[name] += move.start != move.end
+        changed = ctx.agent.get_agent(ctx.rng.choice(names))
+        changed.alive = not changed.alive
+
+    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for i, name in enumerate(names):
+            ctx.agent.create_agent(name, start_node_id=i, team="red", strategy=walk)
+        ctx.game.conflicts = Conflicts(capacity=1)
+        ctx.game.add(live)
+        for turn in range(900):
+            ctx.game.step()
+            if reading and turn % reading == 0:
+                ctx.game.snapshot()
+        counts = ctx.game.result().agents
+        assert {name: counts[name]["moves"] for name in names} == moved
+        assert {name: counts[name]["moves"] + counts[name]["blocked"] for name in names} == chosen

@@ -34,6 +34,7 @@ from gamms.typing.game import AerialState, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+_MOST_COUNTING = 1 << 8  # orders whose moves are not in the counts of agents yet
 _MOST_KEPT = 1 << 13  # agents in orders that are kept
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
@@ -145,6 +146,8 @@ class TurnEngine(GameTurn):
         """Play turns in an order from now on."""
         self.order_now = order
         self._counting[id(order)] = order
+        if len(self._counting) > _MOST_COUNTING:
+            self.update_counts()
 
     def _order_of_living(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
         """Return the order of the agents that are alive now; see `_get_order_key`.
@@ -167,7 +170,6 @@ class TurnEngine(GameTurn):
             order = self._new_order(block, made_of)
         if (len(self._kept) + 1) * len(order.slots) > _MOST_KEPT:
             self._kept.clear()
-            self.update_counts()
         self._kept[lives] = order
         return order
 

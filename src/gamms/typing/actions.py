@@ -293,6 +293,7 @@ def _returns_function(ctx: IContext, given: Function) -> bool:
     """Return whether a function returns a function when it is called with the context."""
     phase = phase_of(ctx)
     name = as_code(given)
+    phase.read_last_turn()
     before = phase.agent
     phase.agent = Deciders(f"{name}, which is called to see whether it makes a strategy,", (), is_maker=True)
     try:
