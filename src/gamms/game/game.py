@@ -338,11 +338,11 @@ class Game(Surface, RuleVerbs):
         of = "" if last is None else f" of {last}"
         warn_at = self._state.turn + MANY_TURNS if self.last_turn is None else None
 
-        def after_turns() -> None:
+        def after_turns(turn: int) -> None:
             nonlocal warn_at
             if show is not None:
-                show(f"turn {self._state.turn}{of}")
-            if warn_at is not None and self._state.turn >= warn_at:
+                show(f"turn {turn}{of}")
+            if warn_at is not None and turn >= warn_at:
                 warn_at = None
                 warn_of_no_end(self.ctx.logger)
 
@@ -350,9 +350,9 @@ class Game(Surface, RuleVerbs):
         while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
             if not self._take_turn():
                 return
-            after_turns()
+            after_turns(self._state.turn)
 
-    def _ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[bool]:
+    def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         """Yield whether the turn engine has to play the next turn; the core plays the others, see `native`."""
         from gamms.game.native import game_in_core  # few programs need it
 

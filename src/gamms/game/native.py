@@ -223,13 +223,22 @@ class GameInCore:
         """Copy the state of the game to the columns, which are older."""
         self._read(self._state.streets.rows(np.array([self._roster.first_nodes(self._game)])))
 
-    def ahead(self, last: int | None, after_turns: Callable[[], None]) -> Iterator[bool]:
+    def ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         """Play turns until the end; yield True if the turn engine has to play the next one, False when all are played.
+
+        The context shows the game at these moments, and after an interruption.
 
         Args:
             last: the last turn; None: only rules end the game.
-            after_turns: called when the context shows the end of turns that were played here.
+            after_turns: called with the number of turns played, several times a second.
         """
+        try:
+            yield from self._ahead(last, after_turns)
+        except KeyboardInterrupt:
+            self._show()
+            raise
+
+    def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         state = self._state
         self._last_turns = None
         is_going = True
@@ -249,15 +258,14 @@ class GameInCore:
                 undo()
             for number in left:
                 self._play_to(number - 1)
-                self._show(after_turns)
+                self._show()
                 yield True
                 self._play_to(number)
                 self._shown = number
-            if not is_going:
-                self._last_turns = LastTurns(undo, self._shown, self._game.internals.state)
-            if not left or not is_going:
-                self._play_to(played)
-                self._show(after_turns)
+            self._play_to(played)
+            after_turns(played)
+        self._last_turns = LastTurns(undo, self._shown, self._game.internals.state)
+        self._show()
         yield False
 
     @property
@@ -302,12 +310,13 @@ class GameInCore:
             return
         core = self._core
         columns = self._columns
-        columns.until[:] = turn * core.num_parts
-        core.prepare(None, 1)
-        columns.give()
-        core.play_part(0, 0, 1, None)
-        core.finish()
-        columns.take_in()
+        with uninterrupted():
+            columns.until[:] = turn * core.num_parts
+            core.prepare(None, 1)
+            columns.give()
+            core.play_part(0, 0, 1, None)
+            core.finish()
+            columns.take_in()
 
     def _turns_of_engine(self, turn: int) -> list[int]:
         """Return the turns after `turn`, ascending, in which agents took part last that were eliminated in them."""
@@ -326,7 +335,7 @@ class GameInCore:
 
     # -- showing ------------------------------------------------------------------------------------------------------
 
-    def _show(self, after_turns: Callable[[], None]) -> None:
+    def _show(self) -> None:
         """Show the present state in the context."""
         turn = int(self._state.turn[0])
         if turn == self._shown:
@@ -342,7 +351,6 @@ class GameInCore:
             values.turn = turn
             self._shown = turn
         values.timings["apply"] += perf_counter() - began
-        after_turns()
 
     def _show_agents(self) -> None:
         """Show where the agents are, and which are alive."""
