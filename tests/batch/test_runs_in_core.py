@@ -292,6 +292,34 @@ def test_a_game_that_is_reset_or_restored_has_no_last_turn_of_the_run():
         assert left_behind(played) == left_behind(stepped)
 
 
+@pytest.mark.parametrize("turns", [[30, 30], [30, 0], [30, 1, 30], [30, 30, 30]])
+def test_a_run_after_a_run_replaces_its_last_turn(turns):
+    rules = [tag("red", "blue", then="eliminate"), respawn(4)]
+    with crowd(rules)() as played, crowd(rules)() as stepped:
+        for number in turns:
+            played.game.run(number)
+            in_steps(stepped, number)
+        assert states_of(played.agent.create_iter()) == states_of(stepped.agent.create_iter())
+        assert left_behind(played) == left_behind(stepped)
+        for ctx in (played, stepped):
+            ctx.game.reset(seed=8)
+            ctx.game.run(0)
+        assert left_behind(played) == left_behind(stepped)
+
+
+def test_a_run_that_is_refused_loses_no_last_turn():
+    with crowd()() as ctx:
+        ctx.game.run(60)
+        for wrong in ({"max_turns": -1}, {"max_turns": 5, "sensed": True}, {"most_turns": 3}):
+            with pytest.raises((GammsError, TypeError)):
+                ctx.game.run(**wrong)
+        with pytest.raises(GammsError):
+            ctx.game.reset(seed="today")
+        with pytest.raises(GammsError):
+            ctx.game.restore("yesterday")
+        assert {agent.state["turn"] for agent in ctx.agent.create_iter()} == {59}
+
+
 def test_what_numbers_a_run_leaves_is_read_without_its_last_turn():
     with crowd()() as ctx:
         ctx.game.run(60)

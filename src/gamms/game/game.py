@@ -283,7 +283,7 @@ class Game(Surface, RuleVerbs):
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
 
-    @refused_while_deciding
+    @replacing_last_turn
     @names_keywords
     def run(
         self,
@@ -318,12 +318,15 @@ class Game(Surface, RuleVerbs):
         self._state.last_turn = last
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
-        self._internals.warn_of_idle_teams()
         known = len(self.errors)
         scored = set(self._state.scores)
         with ExitStack() as stack:
             stack.callback(self._leave_last_turn)
+            self._phase.leave_unread(None)  # the run may replace it, see `native`
+            self._internals.warn_of_idle_teams()
             if record is not None:
+                if self._in_core is not None:
+                    self._in_core.make_last_turn()
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
             with seeded_for_run(self.ctx, self._state.turn), progress_line() as show:
@@ -364,8 +367,14 @@ class Game(Surface, RuleVerbs):
 
     def _leave_last_turn(self) -> None:
         """Let the end of the last turn be made when it is read, if the core has played it."""
-        if self._in_core is not None:
+        if self._in_core is not None and self._in_core.read_turn is not None:
             self._phase.leave_unread(self._in_core.read_turn)
+
+    def _forget_last_turn(self) -> None:
+        """Do not make the end of the last turn, which is replaced."""
+        self._phase.leave_unread(None)
+        if self._in_core is not None:
+            self._in_core.forget_last_turn()
 
     def _warn_of_misspelt(self, scored: set[object]) -> None:
         """Log a warning for each new key of scores, and for a winner, that resembles the name of a team or agent."""
@@ -443,7 +452,7 @@ class Game(Surface, RuleVerbs):
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:
-            self._phase.leave_unread(None)
+            self._forget_last_turn()
             self._snapshots.restore(start.snapshot, forget=True)
             state.start = start
             state.has_begun = False
@@ -493,7 +502,7 @@ class Game(Surface, RuleVerbs):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
-        self._phase.leave_unread(None)
+        self._forget_last_turn()
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
 

@@ -51,18 +51,22 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
         known: the earlier result for this game, which is reused if it still fits; None: there is none.
     """
     more = 0 if known is not None else _FIRST_READING + len(game.ctx.graph.graph) // _NODES_A_TURN
-    if last is not None and last - game.turn < FEWEST_TURNS + more:
-        return None
     visual = game.ctx.visual_engine
     past = visual.quiet_turns() if hasattr(visual, "quiet_turns") else None
-    if past is None or game.ctx.agent.block.is_noting or not _may_be_in_core(game):
+    are_few = last is not None and last - game.turn < FEWEST_TURNS + more
+    if are_few or past is None or game.ctx.agent.block.is_noting or not _may_be_in_core(game):
+        if known is not None:
+            known.make_last_turn()
         return None
     refuse_unused(game.internals.parts.settings)
     game.internals.parts.turns.note_departed()
     roster = roster_of(game)
     key = _key_of(game, roster, past)
+    is_known = known is not None and known.key == key
+    if known is not None:
+        known.make_last_turn(is_replaced=is_known)
     try:
-        if known is not None and known.key == key:
+        if known is not None and is_known:
             known.read()
             return known
         return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
@@ -137,14 +141,16 @@ class LastTurns:
         undo: undoes them in the columns.
         turn: the turn that the context shows before them.
         values: the state of the game in the context.
+        are_some_out: whether agents were eliminated in the last of them.
 
     Attributes:
-        undo, turn: see the arguments.
+        undo, turn, are_some_out: see the arguments.
     """
 
-    def __init__(self, undo: Callable[[], None], turn: int, values: GameState) -> None:
+    def __init__(self, undo: Callable[[], None], turn: int, values: GameState, *, are_some_out: bool) -> None:
         self.undo = undo
         self.turn = turn
+        self.are_some_out = are_some_out
         self._blocked = BlockedAgents(values.blocked)
         self._num_errors = len(values.errors)
 
@@ -240,8 +246,8 @@ class GameInCore:
 
     def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         state = self._state
-        self._last_turns = None
         is_going = True
+        are_some_out = False
         while is_going:
             turn = int(state.turn[0])
             most = _FIRST_TURNS if self._seconds == np.inf else max(1, int(_MOMENT_S / self._seconds))
@@ -253,6 +259,7 @@ class GameInCore:
             is_going = bool(state.is_going[0]) and played != last
             left = self._turns_of_engine(turn)
             if not is_going and left[-1:] == [played]:
+                are_some_out = True
                 left.pop()
             if left:
                 undo()
@@ -264,20 +271,30 @@ class GameInCore:
                 self._shown = number
             self._play_to(played)
             after_turns(played)
-        self._last_turns = LastTurns(undo, self._shown, self._game.internals.state)
+        self._last_turns = LastTurns(undo, self._shown, self._game.internals.state, are_some_out=are_some_out)
         self._show()
         yield False
 
     @property
     def read_turn(self) -> Callable[[], None] | None:
         """A function that makes the end of the last turn, which the turn engine has not played; None: it is made."""
-        return None if self._last_turns is None else self._read_last_turn
+        return None if self._last_turns is None else self.make_last_turn
 
-    def _read_last_turn(self) -> None:
-        """Play the moves of the last turn again with the turn engine, from where it began."""
+    def forget_last_turn(self) -> None:
+        """Do not play the last turn again."""
+        self._last_turns = None
+
+    def make_last_turn(self, *, is_replaced: bool = False) -> None:
+        """Play the moves of the last turn again with the turn engine, unless it has played them.
+
+        Args:
+            is_replaced: whether all living agents will have other last turns; then this one is only made for agents
+                that were eliminated in it.
+        """
         before = self._last_turns
         self._last_turns = None
-        assert before is not None  # noqa: S101 - the turn is not made
+        if before is None or (is_replaced and not before.are_some_out):
+            return
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
         turn = values.turn
