@@ -320,6 +320,49 @@ def test_a_run_that_is_refused_loses_no_last_turn():
         assert {agent.state["turn"] for agent in ctx.agent.create_iter()} == {59}
 
 
+def test_memories_that_a_program_changes_after_a_run_stay_changed():
+    with crowd()() as played, crowd()() as stepped:
+        for ctx, play in ((played, played.game.run), (stepped, lambda turns: in_steps(stepped, turns))):
+            play(63)
+            for memory in ctx.game.memories.values():
+                memory.clear()
+            in_steps(ctx, 5)
+        assert left_behind(played) == left_behind(stepped)
+
+
+def test_an_agent_that_a_restored_game_does_not_have_keeps_its_last_state():
+    with crowd()() as played, crowd()() as stepped:
+        states = []
+        for ctx, play in ((played, played.game.run), (stepped, lambda turns: in_steps(stepped, turns))):
+            before = ctx.game.snapshot()
+            late = ctx.agent.create_agent("late", start_node_id=7, team="red", strategy=random_walk)
+            play(63)
+            ctx.game.restore(before)
+            states += states_of([late])
+        assert states[0] == states[1]
+        assert states[0]["turn"] == 62
+
+
+def test_a_sensor_without_an_owner_looks_after_a_run():
+    def look(ctx, play):
+        free = ctx.sensor.create_sensor("free", "agent_range", sensor_range=12.0, team="red")
+        play(60)
+        found = free.sense_many([1, 2])
+        return [list(each) for each in found.names], states_of(ctx.agent.create_iter())
+
+    with crowd()() as played, crowd()() as stepped:
+        assert look(played, played.game.run) == look(stepped, lambda turns: in_steps(stepped, turns))
+
+
+def test_flags_have_read_all_events_but_those_of_later_rules_after_a_run():
+    rules = [capture_flag({"red": 0, "blue": 24}), tag("red", "blue"), respawn(1)]
+    for turns in range(40, 60):
+        with crowd(rules)() as played, crowd(rules)() as stepped:
+            played.game.run(turns)
+            in_steps(stepped, turns)
+            assert played.game.data == stepped.game.data
+
+
 def test_what_numbers_a_run_leaves_is_read_without_its_last_turn():
     with crowd()() as ctx:
         ctx.game.run(60)

@@ -30,6 +30,7 @@ cdef class GameColumns:
 cdef class Events:
     cdef readonly i64 room
     cdef public i64 count
+    cdef i64 rule
     cdef readonly i64[::1] games, turns, rules, kinds, agents, others, nodes
 
     cpdef int make_room(self, i64 room) except -1 with gil

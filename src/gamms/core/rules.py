@@ -131,6 +131,7 @@ class Events:
     Attributes:
         games, turns, rules, kinds, agents, others, nodes: (room,) the fields of each event; `rules` are rule numbers.
         count: the number of events.
+        rule: the number of the rule that is played, or was played last.
         room: the maximum number of events; it grows when necessary.
     """
 
@@ -144,6 +145,7 @@ class Events:
         self.others = none
         self.nodes = none
         self.count = 0
+        self.rule = NOBODY
         self.make_room(room)
 
     def make_room(self, room: int) -> int:
@@ -198,7 +200,7 @@ def respawn(games: GameColumns, events: Events, game: int, agent: int) -> int:
     if len(games.edge) > 0:
         games.edge[row] = -1
         games.share[row] = 0.0
-    return events.put(game, games.turn[game], NOBODY, RESPAWNED, agent, -1, node)
+    return events.put(game, games.turn[game], events.rule, RESPAWNED, agent, -1, node)
 
 
 def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
@@ -207,7 +209,7 @@ def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
     if games.alive[row]:
         games.alive[row] = 0
         games.stops[row] += 1
-        events.put(game, games.turn[game], NOBODY, ELIMINATED, agent, -1, games.node[row])
+        events.put(game, games.turn[game], events.rule, ELIMINATED, agent, -1, games.node[row])
     return 0
 
 
@@ -917,6 +919,7 @@ class Rule:
 
     def happen_all(self, game: int) -> int:
         """Apply this rule and all later rules of the chain."""
+        self.events.rule = self.number
         self.happen(game)
         if not self.is_last:
             self.behind.happen_all(game)  # type: ignore[union-attr] # it is not the last

@@ -370,8 +370,10 @@ class Game(Surface, RuleVerbs):
         if self._in_core is not None and self._in_core.read_turn is not None:
             self._phase.leave_unread(self._in_core.read_turn)
 
-    def _forget_last_turn(self) -> None:
-        """Do not make the end of the last turn, which is replaced."""
+    def _forget_last_turn(self, snapshot: Snapshot) -> None:
+        """Do not make the end of the last turn, which a snapshot replaces, unless it lacks some of the agents."""
+        if not self.ctx.agent.agents.keys() <= {*snapshot.agents.names}:
+            self._phase.read_last_turn()
         self._phase.leave_unread(None)
         if self._in_core is not None:
             self._in_core.forget_last_turn()
@@ -452,7 +454,7 @@ class Game(Surface, RuleVerbs):
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:
-            self._forget_last_turn()
+            self._forget_last_turn(start.snapshot)
             self._snapshots.restore(start.snapshot, forget=True)
             state.start = start
             state.has_begun = False
@@ -502,7 +504,7 @@ class Game(Surface, RuleVerbs):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
-        self._forget_last_turn()
+        self._forget_last_turn(snapshot)
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
 

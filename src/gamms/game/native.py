@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from gamms.core import rules
+from gamms.core.copies import refill_each
 from gamms.errors import BadValue, UnknownName
 from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of, sensors_of
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules
@@ -271,8 +272,9 @@ class GameInCore:
                 self._shown = number
             self._play_to(played)
             after_turns(played)
-        self._last_turns = LastTurns(undo, self._shown, self._game.internals.state, are_some_out=are_some_out)
+        last_turns = LastTurns(undo, self._shown, self._game.internals.state, are_some_out=are_some_out)
         self._show()
+        self._last_turns = last_turns
         yield False
 
     @property
@@ -298,6 +300,7 @@ class GameInCore:
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
         turn = values.turn
+        memories = {name: dict(memory) for name, memory in values.memories.items()}
         with uninterrupted():
             before.undo()
             self._play_to(before.turn)
@@ -316,7 +319,7 @@ class GameInCore:
                     setattr(values, name, value)
                 self._play_to(turn)
                 self._show_agents()
-                self._show_memories(values)
+                refill_each(values.memories, memories)
                 self._show_counts(values)
                 turns.show_blocked()
                 self._shown = turn

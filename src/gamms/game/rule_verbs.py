@@ -47,8 +47,9 @@ class RuleVerbs(Settings):
 
     @property
     def counts(self) -> dict[str, dict[str, int]]:
-        """Agent -> its numbers of moves, blocked moves, and so on, up to the last snapshot or result."""
+        """Agent -> its numbers of moves, blocked moves, and so on."""
         self._phase.read_last_turn()
+        self._turns.update_counts()
         self._turns.list_counts()
         return self._phase.shown(self._state.counts)
 

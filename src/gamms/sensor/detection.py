@@ -124,6 +124,7 @@ class DetectionModel(Guarded):
     @contextmanager
     def rolled_back(self) -> Iterator[None]:
         """Undo the looks of a running strategy, so that they do not change later draws."""
+        self._phase.read_last_turn()
         if not self._phase.is_deciding:
             yield
             return

@@ -212,6 +212,8 @@ class NearbyAgents(sight.AgentIndex):
         moment = self.phase.moment
         if moment is not None and moment is self.moment and self._positions is not None:
             return self._positions
+        if self.phase.agent is not None:
+            self.phase.read_last_turn()  # which looks at agents itself
         graph = self._graph
         if graph is None:
             graph = self._ctx.graph.graph
