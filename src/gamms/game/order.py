@@ -216,19 +216,8 @@ class TurnOrder:
     # reset).
     __slots__ = (
         *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
-        *(
-            "acts",
-            "conflicts",
-            "has_deeds",
-            "has_parts",
-            "in_conflict",
-            "in_rules",
-            "moving",
-            "parts",
-            "plan",
-            "ranked_by",
-        ),
-        *("rows_version", "selection", "slots", "structure_version", "unlisted", "whole"),
+        *("acts", "conflicts", "has_deeds", "has_parts", "in_conflict", "in_rules", "moving", "parts"),
+        *("plan", "ranked_by", "rows_version", "selection", "slots", "structure_version", "unlisted", "whole"),
     )
 
     def __init__(

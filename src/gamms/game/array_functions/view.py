@@ -24,7 +24,7 @@ from gamms.game.block.sensing import (
     seen_nodes,
 )
 from gamms.game.block.state import Arrays, GameArrays
-from gamms.game.block.strategy_steps import looks_of, made_looks
+from gamms.game.block.strategy_steps import looks_of, make_looks
 from gamms.game.block.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
 from gamms.game.movement.flows import Flows
@@ -469,7 +469,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         if self._movement.leaves_nodes or state.noted:
             return None
         if "looks" not in state.shared:
-            state.shared["looks"] = made_looks(self.roster, [True] * len(self.roster.names))
+            state.shared["looks"] = make_looks(self.roster, [True] * len(self.roster.names))
         found: sight.SensorTable = state.shared["looks"]
         return found
 

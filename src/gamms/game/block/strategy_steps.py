@@ -79,7 +79,7 @@ def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] =
     )
 
 
-def made_looks(roster: AgentTable, looking: Sequence[bool]) -> sight.SensorTable:
+def make_looks(roster: AgentTable, looking: Sequence[bool]) -> sight.SensorTable:
     """Return the plain sensors of a roster's agents, for the core."""
     return sight.SensorTable(*looks_of(roster, looking), len(roster.teams))
 
@@ -154,7 +154,7 @@ class StrategySteps:
         places = flat(np.zeros((*shape, 2)), np.float64)
         alive = flat(np.zeros(shape), np.uint8)
         self._agents = places, alive, flat(self._order, np.int64), flat(np.zeros(shape), np.int64)
-        self._looks = made_looks(state.roster, looking)
+        self._looks = make_looks(state.roster, looking)
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
