@@ -94,6 +94,7 @@ class LongProgramme:
         assert [graph.get_node(id) for id in graph.get_nodes()] == [model.get_node(id) for id in model.nodes]
         found = [graph.get_edge(id) for id in graph.get_edges()]
         assert [(*edge[:4], edge.points) for edge in found] == [model.get_edge(id) for id in model.edges]
+        graph.neighborhoods.learn(self.random.sample([*model.nodes, 10**6], len(model.nodes) // 2))  # and one unknown
         for id in model.nodes:
             assert list(graph.neighborhoods[id]) == model.neighborhood(id)
         assert graph.positions(list(model.nodes)).tolist() == [list(place) for place in model.nodes.values()]

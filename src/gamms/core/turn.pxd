@@ -121,7 +121,7 @@ cdef class GameTurn(TurnDriver):
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)
-    @cython.locals(answers=Answers, asked=PartInCore, moves=MoveColumns, both=object, alike=list)
+    @cython.locals(answers=Answers, asked=PartInCore, moves=MoveColumns, both=object, alike=list, is_first=bint, is_paused=bint)
     cpdef decide(self, object order, object part, object observers=*, object paths=*)
     @cython.locals(moves=TurnMovesInCore, moving=PartInCore, block=AgentColumns)
     cpdef int move(self, i64 number) except -1
@@ -162,8 +162,7 @@ cdef class RuleMoves:
     cdef public object rules, order
     cdef public MovesForRules game
     cdef public i64 seeds
-    cdef const i64[::1] rows
-    cdef public const i64[::1] slots
+    cdef public const i64[::1] rows, slots
 
     @cython.locals(taken=MoveColumns)
     cpdef int take_steps(self, TurnMovesInCore moves, AgentColumns columns) except -1

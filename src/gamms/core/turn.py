@@ -29,6 +29,7 @@ in phases of their own instead of the first, `arrivals.play_phase`.
 
 from __future__ import annotations
 
+import gc
 from time import perf_counter
 from typing import Any
 
@@ -725,7 +726,8 @@ class GameTurn(TurnDriver):
         if order.block.flyers:
             order.block.locate()  # the nodes below
         asked = part.in_core
-        if asked is None or asked.version != phase.sensor_changes:
+        is_first = asked is None
+        if is_first or asked.version != phase.sensor_changes:
             asked = part.prepare(order, phase.sensor_changes)
         if asked.has_starts:
             both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
@@ -744,7 +746,12 @@ class GameTurn(TurnDriver):
         self.asked_part = (order, part)
         self.is_deciding = True
         phase.moment = object() if asked.see_world_only else None
+        is_paused = is_first and gc.isenabled()
+        if is_paused:
+            gc.disable()  # NOTE: to look for garbage among first states, which stay, takes long (w9 first)
         try:
+            if is_first and asked.individuals:
+                self._learn_neighborhoods(order, part)
             if observers or not asked.see_world_only:
                 self._ask_part(answers, part, self._observe_first(order, part, observers))
             elif asked.individuals:
@@ -777,6 +784,8 @@ class GameTurn(TurnDriver):
             phase.agent = None
             phase.moment = None
             self.is_deciding = False
+            if is_paused:
+                gc.enable()
         return answers
 
     def move(self, number: int) -> int:
@@ -921,6 +930,10 @@ class RuleMoves:
         if block.placed:
             self.note_placed(block)
         return 0
+
+    def follow_agents(self) -> None:
+        """Take agents that have come or left."""
+        raise NotImplementedError
 
     def follow(self, ctx: Any) -> None:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""

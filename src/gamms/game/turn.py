@@ -626,6 +626,12 @@ class TurnEngine(GameTurn):
         losers = self._losers(order, (before, after), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
+    def _learn_neighborhoods(self, order: TurnOrder, part: TurnPart) -> None:
+        """Compute the neighborhoods of the nodes of all agents that are asked."""
+        if hasattr(self.near, "learn"):  # that of a user's graph may be any mapping
+            rows = order.selection.rows
+            self.near.learn([order.block.node_of(rows[i]) for i in part.asked])
+
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
         block = self._ctx.agent.block

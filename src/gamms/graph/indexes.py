@@ -3,7 +3,7 @@
 Each index is built on first use; a change is noted in it, or discards the affected part.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import inf, isqrt
 from typing import Any
@@ -351,6 +351,17 @@ class Indexes:
         ids = self._nodes.ids
         targets = self._edges.targets
         return [ids[targets[edge]] for edge in edges]
+
+    def targets_of_each(self, nodes: Sequence[int]) -> list[list[int]]:
+        """Return the targets of the edges leaving each of several node rows, (nodes,) unique, as `targets`."""
+        rows = np.array(nodes, np.int64)
+        edges = self._adjacency("sources").at(rows)
+        sources = self._edges.array("sources")[edges]
+        by_source = np.argsort(sources, kind="stable")
+        targets = self._edges.array("targets")[edges[by_source]]
+        ids = self._nodes.array("ids")[targets].tolist()
+        begins, ends = (np.searchsorted(sources[by_source], rows, side).tolist() for side in ("left", "right"))
+        return [ids[begin:end] for begin, end in zip(begins, ends, strict=True)]
 
     # -- changes ------------------------------------------------------------------------------------------------
 

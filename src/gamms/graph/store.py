@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections import OrderedDict, deque
-from collections.abc import Callable, Collection, Hashable, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from copy import deepcopy
 from math import isfinite
 from typing import Any, TypeVar
@@ -42,6 +42,13 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
     def forget(self, id: int) -> None:
         """Drop the neighborhood of a node whose neighbors have changed."""
         self.pop(id, None)
+
+    def learn(self, ids: Iterable[int]) -> None:
+        """Compute the neighborhoods of many nodes at once; unknown nodes are left out."""
+        row_of = self._store.nodes.index.row
+        rows = {id: row for id in ids if id not in self and (row := row_of(id)) >= 0}
+        for id, targets in zip(rows, self._store.indexes.targets_of_each([*rows.values()]), strict=True):
+            self[id] = tuple(dict.fromkeys([id, *targets]))
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         id = records.as_id(id, "a node", self._store)
