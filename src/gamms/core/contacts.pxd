@@ -18,7 +18,8 @@ cdef i64 BACKWARDS, TURNS, UNKNOWN, ON_NODE, LEAVES, MOST_NEAR
 
 @cython.final
 cdef class Tracks:
-    cdef i64 agents, most
+    cdef public i64 agents
+    cdef i64 most
     cdef i64[::1] nodes, lengths
     cdef const i64[::1] sides
     cdef double[::1] times

@@ -15,7 +15,8 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, FUNCTION, GONE, NOBODY, LEADER, ITS_TEAM
 
 @cython.final
 cdef class GameColumns:
-    cdef i64 agents, teams
+    cdef public i64 agents
+    cdef i64 teams
     cdef i64[::1] node, previous, stops, start, turn
     cdef const i64[::1] home, team, first_node
     cdef u8[::1] alive, placed, over

@@ -63,7 +63,8 @@ class GameColumns:
     """The columns of a block of games that rules read and write.
 
     Attributes:
-        agents, teams: the numbers of agents and teams in a game.
+        agents, teams: the numbers of agents and teams in a game. In a single game, agents may come and leave while the
+            columns have room.
         node: (games * agents,) the node of each agent.
         start: (games * agents,) its node at the start of the turn.
         previous: (games * agents,) its previous node.
@@ -1205,7 +1206,7 @@ class ReachRule(Rule):
         number: see `Rule`.
         visitors: the agents.
         goals: (nodes * teams,) 1: the node is a goal of the team; row `node * teams + team`.
-        starters: (teams * agents,) 1: the start node of the agent is also a goal of the team. Empty: none.
+        starters: (agents * teams,) 1: the start node of the agent is also a goal of the team. Empty: none.
         order: (teams with goals,) these teams, in the order of their agents in events.
         winner: the winning team; `NOBODY`; `ITS_TEAM`: the team that reached its goal.
         points: the points for each team that reached its goal.
@@ -1241,10 +1242,10 @@ class ReachRule(Rule):
 
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set or clear the goal marks of start nodes."""
-        for place in range(len(self.starters)):
-            home = self.games.home[game * self.games.agents + place % self.games.agents]
+        for place in range(self.games.agents * self.games.teams if len(self.starters) > 0 else 0):
+            home = self.games.home[game * self.games.agents + place // self.games.teams]
             if self.starters[place] and home >= 0:
-                self.goals[home * self.games.teams + place // self.games.agents] = mark
+                self.goals[home * self.games.teams + place % self.games.teams] = mark
         return 0
 
     def _reach(self, game: int) -> int:
@@ -1337,7 +1338,7 @@ class ArriveRule(Rule):
 
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set the owner of start nodes."""
-        for agent in range(len(self.starters)):
+        for agent in range(self.games.agents if len(self.starters) > 0 else 0):
             home = self.games.home[game * self.games.agents + agent]
             if self.starters[agent] and home >= 0:
                 self.owners[home] = mark

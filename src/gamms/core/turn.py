@@ -597,6 +597,10 @@ class GameTurn(TurnDriver):
         """Move agents on removed edges to the node that they passed last."""
         raise NotImplementedError
 
+    def _learn_neighborhoods(self, order: Any, part: Any) -> None:
+        """Compute the neighborhoods of the nodes of all agents that are asked."""
+        raise NotImplementedError
+
     def _observe_first(self, order: Any, part: Any, observers: Any) -> dict[int, Any]:
         """Return slot -> state, for parts in which all agents have to observe before any decides."""
         raise NotImplementedError

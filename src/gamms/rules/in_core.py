@@ -63,7 +63,6 @@ def fits_core(points: float) -> bool:
 
 def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.tag` from all such rules of a game."""
-    roster = making.roster
     purpose = np.zeros(1, np.uint64).data
     turn = ints(1)
     behind: rules.Tagging | None = None
@@ -79,7 +78,7 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
         making.events,
         making.number(*played),
         behind,
-        rules.Tags(ints(len(roster.names))),
+        rules.Tags(ints(making.room)),
         making.steps,
         purpose,
         turn,
@@ -114,14 +113,15 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         mutual: see `gamms.rules.tag`.
         behind: the next tag rule; None: there is none.
     """
-    of_tracks = ints(len(making.roster.names))
+    of_tracks = ints(making.room)
     tracks = making.tracks(of_tracks, at_end=not nearness.passing)
+    keys = _keys(making)
     near = making.near(nearness)
 
     found = contacts.Contacts(making.pieces)
 
     def search(near: Near, found: contacts.Contacts) -> None:
-        columns = tracks, making.legs, flat(making.roster.keys, np.uint64), purpose, turn
+        columns = tracks, making.legs, keys, purpose, turn
         ask(found, nearness, near, *columns, by_metres=making.by_metres)
 
     search(near, found)
@@ -148,28 +148,32 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
     roster = making.roster
     kept = making.keep(("capture_flag", flags.key), partial(flags.start, len(roster.teams)))
-    ground = np.where(roster.flies, -1, roster.team_of)
     number_of = {team: number for number, team in enumerate(roster.teams)}
     owners = np.array([number_of.get(team, -1) for team in flags.bases])
     bases = making.rows([*flags.bases.values()])
     home = np.full(len(roster.teams), -1)
     home[owners[owners >= 0]] = bases[owners >= 0]
+    nobody = number_of.get(None, -1)
+
+    def ground() -> IntArray:
+        return np.where(making.roster.flies, -1, making.roster.team_of)
+
     if flags.ground is None:
-        making.read_starts((ground >= 0) & (home[ground] < 0))
+        making.read_starts(lambda: ~making.roster.flies & (home[making.roster.team_of] < 0))
     core = rules.Flags(
         len(flags.bases),
         team=flat(owners, np.int64),
         base=flat(bases, np.int64),
         home=flat(home, np.int64),
         owners=making.owners(flags.ground),
-        takes=flat(np.where(ground == number_of.get(None, -1), -1, ground), np.int64),
-        names=flat(roster.keys, np.uint64),
+        takes=making.by_agent(lambda: np.where(ground() == nobody, -1, ground()), absent=-1),
+        names=_keys(making),
         purposes=making.purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),
         starts=memory_of(making.home),
-        members=flat(ground, np.int64),
+        members=making.by_agent(ground, absent=-1),
         taken=floats(len(flags.bases)),
         goal=flags.goal or 0,
         points=flags.score,
@@ -189,10 +193,9 @@ def respawn(
     key: str, teams: Collection[Hashable] | None, wait: int, most: int | None, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.respawn`."""
-    agents = len(making.roster.names)
 
     def make(games: int) -> dict[str, IntArray]:
-        return {"out": np.full((games, agents), -1), "times": np.zeros((games, agents), np.int64)}
+        return {"out": np.full((games, making.room), -1), "times": np.zeros((games, making.room), np.int64)}
 
     kept = making.keep(("respawn", key), make)
     return rules.RespawnRule(
@@ -228,8 +231,8 @@ def reach(
     roster = making.roster
     rows = {team: making.rows(sorted(goal)) for team, goal in goals.items() if not isinstance(goal, str)}
     is_goal = np.zeros((making.num_nodes, len(roster.teams)), np.int64)
-    starters = np.zeros((len(roster.teams), len(roster.names)), np.int64)
     order = []
+    starters: dict[int, Callable[[], BoolArray]] = {}
     for team, goal in goals.items():
         number = making.team(team)
         if number >= 0:
@@ -238,13 +241,20 @@ def reach(
                 starters[number] = _starters(goal, making)
             else:
                 is_goal[rows[team], number] = 1
+
+    def are_starters() -> BoolArray:
+        found = np.zeros((len(making.roster.names), len(roster.teams)), np.bool_)
+        for number, of_team in starters.items():
+            found[:, number] = of_team()
+        return found.ravel()
+
     return rules.ReachRule(
         making.games,
         making.events,
         making.number(CompiledRule(score or None, winner=winner)),
         visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
-        starters=flat(starters, np.int64) if starters.any() else _NOTHING,
+        starters=making.by_agent(are_starters, width=len(roster.teams)) if starters else _NOTHING,
         order=flat(np.array(order, np.int64), np.int64),
         winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
         points=score,
@@ -260,7 +270,7 @@ def arrive(
     starters = _NOTHING
     rows = np.zeros(0, np.int64)
     if isinstance(goal, str):
-        starters = flat(_starters(goal, making), np.int64)
+        starters = making.by_agent(_starters(goal, making))
     else:
         rows = making.rows(sorted(goal))
     owners = np.full(making.num_nodes, -1)
@@ -277,12 +287,20 @@ def arrive(
     )
 
 
-def _starters(team: str, making: RuleBuilder) -> BoolArray:
-    """Return a mask (agents,) of the agents on the ground that are on the team named in a text."""
-    roster = making.roster
-    found = roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
+def _starters(team: str, making: RuleBuilder) -> Callable[[], BoolArray]:
+    """Return a function that returns a mask (agents,) of the agents on the ground on the team named in a text."""
+    named = [one for one in making.roster.teams if str(one) == team]
+
+    def found() -> BoolArray:
+        return making.roster.plays_for(named) & ~making.roster.flies
+
     making.read_starts(found)
     return found
+
+
+def _keys(making: RuleBuilder) -> Any:
+    """Return the hashes of the agents' names, (room,)."""
+    return making.by_agent(lambda: making.roster.keys, np.uint64)
 
 
 def last_team(making: RuleBuilder) -> rules.Rule:

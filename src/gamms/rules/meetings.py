@@ -4,7 +4,7 @@
 """
 
 from array import array
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import chain
 from math import nan
@@ -28,6 +28,7 @@ from gamms.game.block.in_core import (
     ContactSearch,
     Ground,
     Near,
+    NumberArray,
     RuleBuilder,
     motion_intervals,
 )
@@ -40,6 +41,7 @@ from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Leg, Track
 from gamms.typing.graph_values import OSMEdge
@@ -47,6 +49,7 @@ from gamms.typing.on_edges import Line, LineColumns, point_along
 
 _MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
 _MOST_RULES = 32  # rules that are kept per game
+_MORE_AGENTS = 8  # for which columns have room at least
 _CALL = rules.KINDS.index("call")
 _NOWHERE = 0.0, 0.0, 0.0
 UNKNOWN_PLACE = 4  # a flag of legs, see `core.Legs`
@@ -98,82 +101,100 @@ _ON_NODES = core.SEARCHES["on nodes"]
 
 
 class Roster:
-    """All agents of a game, dead or alive, ordered by name, and their columns.
+    """All agents of a game, dead or alive, ordered by name, and their columns, with room for more agents.
 
     Args:
         block: the agents.
         gone: the teams of deleted agents.
-        before: the last roster of the game.
 
     Attributes:
+        room: the number of agents for which the columns have room.
         names, teams: the names and teams of the agents.
         number: name -> number of the agent.
-        rows: (agents,) the row of each agent in the block.
+        rows: (agents,) the row of each agent in the block; another array when agents have come or left.
         flies: (agents,) whether each agent flies.
         alive: (agents,) whether each agent is alive; see `take_lives`.
         table: these agents in the form of a batch.
         games: the columns of agents, for one game.
         turn: (1,) the number of turns played.
-        placed: (agents,) whether each agent was relocated after its move, in `games`.
-        stops, no_stops: (agents,) how often the rule that is played has stopped the agents, and zeros.
-        home: (1, agents) the start nodes of agents, as far as rules read them.
+        placed: (room,) whether each agent was relocated after its move, in `games`.
+        stops, no_stops: (room,) how often the rule that is played has stopped the agents, and zeros.
+        home: (1, room) the start nodes of agents, as far as rules read them.
     """
 
-    def __init__(self, block: AgentBlock, gone: Iterable[Hashable], before: "Roster | None") -> None:
-        removed = {*block.removed}
-        rows = sorted((row for row in range(len(block)) if row not in removed), key=block.names.__getitem__)
-        agents = len(rows)
-        self.rows = np.array(rows, np.int64)
-        self.names = [block.names[row] for row in rows]
-        self.teams = [block.teams[row] for row in rows]
-        self.number = {name: i for i, name in enumerate(self.names)}
-        self.flies = np.asarray(block.kind)[self.rows] != 0
-        self.alive = np.ones(agents, np.bool_)
-        number = {team: i for i, team in enumerate(dict.fromkeys([*self.teams, *gone]))}
-        team_of = np.array([number[team] for team in self.teams], np.int64)
-        everyone = np.ones(agents, np.bool_)
-        has_keys = before is not None and before.names == self.names
-        keys = before.table.keys if before is not None and has_keys else kernels.name_keys(self.names)
-        self.table: AgentTable = AgentTable(
-            tuple(self.names), tuple(number), team_of, keys, [], everyone, everyone, ~everyone, self.flies
-        )
-        node, start, previous, stops, home = np.zeros((5, agents), np.int64)
+    flies: BoolArray
+    alive: BoolArray
+    table: AgentTable
+
+    def __init__(self, block: AgentBlock, gone: Collection[Hashable]) -> None:
+        agents = len(block) - len(block.removed)
+        self.room = agents + agents // 8 + _MORE_AGENTS
+        self.names: list[str] = []
+        self.teams: list[Hashable] = []
+        self.number: dict[str, int] = {}
+        self.rows = np.zeros(0, np.int64)
+        self._keys: BitArray = np.zeros(0, np.uint64)  # the hashes of the names
+        node, start, previous, stops, home, team = np.zeros((6, self.room), np.int64)
+        self._lives = np.zeros(self.room, np.bool_)
         self._node: Any = node.data
+        self._team = team
         self.stops: Any = stops.data
         self.no_stops: Any = stops.copy().data
-        self.home = home.reshape(1, agents)
+        self.home = home.reshape(1, self.room)
         self.turn = column("q", [0])
-        self.placed: Any = memoryview(bytearray(agents))
-        self._score = column("d", [0.0] * len(number))
+        self.placed: Any = memoryview(bytearray(self.room))
+        rows, names, teams = _by_name(block)
+        self._all_teams = tuple(dict.fromkeys([*teams, *gone]))
+        self._score = column("d", [0.0] * len(self._all_teams))
         self.games = rules.GameColumns(
             agents,
-            len(number),
+            len(self._all_teams),
             node=node.data,
             start=start.data,
             previous=previous.data,
-            alive=self.alive.view(np.uint8).data,
+            alive=self._lives.view(np.uint8).data,
             placed=self.placed,
             stops=self.stops,
             home=home.data,
             turn=self.turn,
             over=memoryview(bytearray(1)),
             score=self._score,
-            team=team_of.data,
-            plays=memoryview(bytes([1]) * len(number)),
+            team=team.data,
+            plays=memoryview(bytes([1]) * len(self._all_teams)),
             first_node=column("q", [0]),
-            nobody=number.get(None, -1),
+            nobody=self._all_teams.index(None) if None in self._all_teams else -1,
         )
+        self._take(block, rows, names, teams)
 
-    def is_of(self, block: AgentBlock, gone: Iterable[Hashable]) -> bool:
-        """Return whether a block has these agents, with the same teams, and no more teams are gone."""
-        rows = self.rows.tolist()
-        if len(block) - len(block.removed) != len(rows) or (rows and max(rows) >= len(block)):
+    def follow(self, block: AgentBlock, gone: Collection[Hashable]) -> bool:
+        """Take the present agents of a block; return False if they have other teams, or there is no room for them."""
+        rows, names, teams = _by_name(block)
+        if len(rows) > self.room or {*self._all_teams} != {*teams, *gone}:
             return False
-        names = [block.names[row] for row in rows]
-        teams = [block.teams[row] for row in rows]
-        flies = np.asarray(block.kind)[self.rows] != 0
-        is_same = names == self.names and teams == self.teams and bool((flies == self.flies).all())
-        return is_same and {*self.table.teams} == {*teams, *gone}
+        self._take(block, rows, names, teams)
+        return True
+
+    def _take(self, block: AgentBlock, rows: list[int], names: list[str], teams: list[Hashable]) -> None:
+        """Take agents, given by their rows, names and teams in the order of names."""
+        agents = len(rows)
+        known = dict(zip(self.names, self._keys.tolist(), strict=True))
+        new = [name for name in names if name not in known]
+        known.update(zip(new, kernels.name_keys(new).tolist(), strict=True))
+        self._keys = np.fromiter(map(known.__getitem__, names), np.uint64, agents)
+        self.rows = np.array(rows, np.int64)
+        self.names = names
+        self.teams = teams
+        self.number = {name: i for i, name in enumerate(names)}
+        self.flies = np.asarray(block.kind)[self.rows] != 0
+        self.alive = self._lives[:agents]
+        number = {team: i for i, team in enumerate(self._all_teams)}
+        team_of = self._team[:agents]
+        team_of[:] = [number[team] for team in teams]
+        everyone = np.ones(agents, np.bool_)
+        self.table = AgentTable(
+            tuple(names), self._all_teams, team_of, self._keys, [], everyone, everyone, ~everyone, self.flies
+        )
+        self.games.agents = agents
 
     def take_lives(self, block: AgentBlock) -> None:
         """Take from the block which agents are alive."""
@@ -181,11 +202,11 @@ class Roster:
 
     def take_nodes(self, block: AgentBlock) -> None:
         """Take the current nodes of the agents."""
-        self._node[:] = np.asarray(block.node)[self.rows].data
+        self._node[: len(self.rows)] = np.asarray(block.node)[self.rows].data
 
     def take_scores(self, scores: Mapping[Any, float]) -> None:
         """Take the scores of the teams."""
-        for number, team in enumerate(self.table.teams):
+        for number, team in enumerate(self._all_teams):
             self._score[number] = scores[team]
 
     def take_starts(self, ctx: Context, numbers: NodeNumbers, agents: Sequence[int]) -> None:
@@ -204,6 +225,13 @@ class Roster:
         return found
 
 
+def _by_name(block: AgentBlock) -> tuple[list[int], list[str], list[Hashable]]:
+    """Return the rows, the names and the teams of the agents of a block, in the order of names."""
+    removed = {*block.removed}
+    rows = sorted((row for row in range(len(block)) if row not in removed), key=block.names.__getitem__)
+    return rows, [block.names[row] for row in rows], [block.teams[row] for row in rows]
+
+
 class GameRules(RuleBuilder):
     """The data from which the shipped rules of one game are built, and these rules.
 
@@ -218,7 +246,7 @@ class GameRules(RuleBuilder):
 
     def __init__(self, turn: "TurnContacts", pieces: core.MotionIntervals) -> None:
         self.turn = turn
-        self.roster = turn.roster.table
+        self.room = turn.roster.room
         self.games = turn.roster.games
         self.home = turn.roster.home
         self.events = rules.Events(16)
@@ -235,6 +263,11 @@ class GameRules(RuleBuilder):
         self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
         self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
 
+    @property
+    def roster(self) -> AgentTable:
+        """The present agents."""
+        return self.turn.roster.table
+
     def make(self, form: Form, key: Hashable) -> "GameRule":
         """Make the rule of a form, and keep it; `key`: see `made_for`."""
         if len(self.kept) == _MOST_RULES:
@@ -245,6 +278,39 @@ class GameRules(RuleBuilder):
         if key is not None:
             self.kept[key] = known
         return known
+
+    def follow_agents(self) -> None:
+        """Take agents that have come or left, in all rules that are kept."""
+        for known in self.kept.values():
+            known.read = None
+            for function in known.on_changed_agents:
+                function()
+
+    def by_agent(
+        self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
+    ) -> Any:
+        """Return an array (room * width,) of values that depend on the agents, kept up to date; see `follow_agents`."""
+        found = np.zeros(self.room * width, kind)
+
+        def take() -> None:
+            present = values()
+            found[: len(present)] = present
+            found[len(present) :] = absent
+
+        self._on_changed_agents(take)
+        return found.data
+
+    def _on_changed_agents(self, function: Callable[[], None]) -> None:
+        """Call a function now, and whenever agents have come or left."""
+        assert self._making is not None  # noqa: S101 - a rule is made
+        self._making.on_changed_agents.append(function)
+        function()
+
+    def tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
+        """Return the tracks of the agents, with these sides."""
+        found = super().tracks(sides, at_end=at_end)
+        self._on_changed_agents(lambda: setattr(found, "agents", len(self.roster.names)))
+        return found
 
     def draw_by(self, seed: int) -> None:
         """Use the random draws of another seed."""
@@ -280,12 +346,13 @@ class GameRules(RuleBuilder):
         if not (callable(ours) or callable(theirs)):
             return super().sides(ours, theirs, air=air)
         roster = self.turn.roster
-        found = np.zeros(len(roster.names), np.int64)
+        found = np.zeros(self.room, np.int64)
 
         def call(ctx: Context) -> None:
             takes_part = roster.alive if air else roster.alive & ~roster.flies
-            found[:] = roster.members(ctx, ours, takes_part)
-            found[:] += 2 * roster.members(ctx, theirs, takes_part)
+            of_agents = found[: len(takes_part)]
+            of_agents[:] = roster.members(ctx, ours, takes_part)
+            of_agents += 2 * roster.members(ctx, theirs, takes_part)
 
         self._in_each_turn(call)
         return found.data
@@ -312,18 +379,21 @@ class GameRules(RuleBuilder):
         if unit is None:
             return None
         if unit == "euclid":
-            agents = len(self.roster.names)
-            return core.PathSegments(agents, self.turn.game.lines, column("d")) if self.by_metres else _NO_PLACES
+            return core.PathSegments(self.room, self.turn.game.lines, column("d")) if self.by_metres else _NO_PLACES
         count = self.turn.game.number_all()
         self.most_numbers = min(self.most_numbers, count)
         return self.turn.game.near(unit, limit, count)
 
-    def read_starts(self, agents: BoolArray) -> None:
+    def read_starts(self, agents: Callable[[], BoolArray]) -> None:
         """Take the start nodes of some agents, (agents,), in each turn."""
         turn = self.turn
-        numbers = np.flatnonzero(agents).tolist()
-        if numbers:
-            self._in_each_turn(lambda ctx: turn.roster.take_starts(ctx, turn.numbers, numbers))
+        numbers: list[int] = []
+
+        def choose() -> None:
+            numbers[:] = np.flatnonzero(agents()).tolist()
+
+        self._on_changed_agents(choose)
+        self._in_each_turn(lambda ctx: turn.roster.take_starts(ctx, turn.numbers, numbers))
 
     def read_scores(self) -> None:
         """Take the scores of the teams in each turn."""
@@ -366,6 +436,7 @@ class GameRule(RuleOfGame):
         kept: its memory: name -> array (1, …); the caller fills it before each turn.
         carriers: the names of agents that carried a flag and were deleted, by the number of the flag.
         read: the state of the rule that `kept` holds.
+        on_changed_agents: functions that are called when agents have come or left.
     """
 
     def __init__(self, makes: GameRules, form: Form) -> None:
@@ -375,6 +446,7 @@ class GameRule(RuleOfGame):
         self.kept: Arrays = {}
         self.carriers: Sequence[Any] = ()
         self.read: object = None
+        self.on_changed_agents: list[Callable[[], None]] = []
 
     def tell(self, ctx: Context) -> list[tuple[str, str, int]]:
         """Do in the context what the core has done; return the kind, the agent and the flag of each event."""
@@ -469,7 +541,7 @@ class TurnContacts(RuleMoves):
 
     def _make_room(self, most: int, most_legs: int) -> None:
         """Make columns with room for `most` nodes and `most_legs` legs of each agent."""
-        size = len(self.roster.names)
+        size = self.roster.room
         self.most = most
         self.most_legs = most_legs
         self.columns = _zeros("q", size * most), _zeros("d", size * most), _zeros("q", size)
@@ -477,7 +549,7 @@ class TurnContacts(RuleMoves):
         self._counts = _zeros("q", size)
         self._no_legs = _zeros("q", size)
         self._one_node = column("q", [1] * size)
-        self._of_all = self._tracks(self.columns[2], at_end=False)
+        self._of_all = core.Tracks(size, most, *self.columns, self.columns[2], at_end=False)
         numbers = [_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
         self._flags = numbers[-1]
         shares = [_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
@@ -496,14 +568,23 @@ class TurnContacts(RuleMoves):
         """Make the rules again, with more room."""
         self.rules = GameRules(self, self.scratch())
 
+    def follow_agents(self) -> None:
+        """Take agents that have come or left."""
+        rows: Any = self.roster.rows.data
+        self.rows = rows
+        self.order = None
+        self._order_of_slots = None
+        if self.rules is not None:
+            self.rules.follow_agents()
+
     def slots_of(self, order: TurnOrder, block: AgentBlock) -> Any:
         """Return the slot of each agent in an order, (agents,); -1: it has none."""
-        roster, slots = order.in_rules
-        if roster is not self.roster:
+        rows, slots = order.in_rules
+        if rows is not self.roster.rows:
             of_rows = np.full(len(block), -1)
             of_rows[order.selection.array] = np.arange(len(order.slots))
             slots = of_rows[self.roster.rows].data
-            order.in_rules = self.roster, slots
+            order.in_rules = self.roster.rows, slots
         return slots
 
     def note_placed(self, block: AgentBlock) -> None:
@@ -594,13 +675,8 @@ class TurnContacts(RuleMoves):
 
     def scratch(self) -> core.MotionIntervals:
         """Return buffers large enough for the moves of these agents."""
-        agents = len(self.roster.names)
-        entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
+        entries = 2 * self.roster.room * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
         return self.game.scratch(entries, max(self.numbers.count, self.game.streets.count))
-
-    def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
-        nodes, times, lengths = self.columns
-        return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
 
     def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
@@ -614,7 +690,7 @@ class TurnContacts(RuleMoves):
         ids = self.numbers.ids
         nodes = self.columns[0]
         xyz = []
-        for agent, (side, name) in enumerate(zip(sides, self.roster.names, strict=True)):
+        for agent, (side, name) in enumerate(zip(sides, self.roster.names, strict=False)):  # there is room for more
             at = flying.get(name)
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [self.game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
@@ -785,8 +861,12 @@ class GameContacts(MovesForRules):
         roster = self._roster
         self.turns.note_departed()
         gone = [team for team, number in self.turns.departed_teams.items() if number]
-        if roster is None or not roster.is_of(block, gone):
-            roster = Roster(block, gone, roster)
+        if roster is not None and roster.follow(block, gone):
+            self.steps.follow_agents()
+            if self.tracks is not None:
+                self.tracks.follow_agents()
+        else:
+            roster = Roster(block, gone)
             self._roster = roster
             self.steps = TurnContacts(self, roster, are_steps=True)
             self.tracks = None

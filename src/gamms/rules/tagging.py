@@ -176,10 +176,11 @@ def respawn(
         if not (state["out"] or ctx.agent.block.inactive):
             return
         roster = made.makes.roster
+        kept = {name: column[:, : len(roster.names)] for name, column in made.kept.items()}  # there is room for more
         for name, values in memory(state, roster).items():
-            made.kept[name][:] = values
+            kept[name][:] = values
         made.play(ctx)
-        show(state, made.kept, roster.names)
+        show(state, kept, roster.names)
 
     def memory(known: Mapping[str, Any], roster: AgentTable) -> Arrays:
         return {"out": roster.column(known.get("out", {}), -1), "times": roster.column(known.get("times", {}), 0)}

@@ -42,6 +42,7 @@ from gamms.ir.agents import Position
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -99,6 +100,7 @@ class ContactOptions(NamedTuple):
     passing: bool
 
 
+NumberArray = IntArray | BitArray | BoolArray
 Near = contacts.NearNodes | contacts.NodePositions | contacts.PathSegments | None
 """The distances between agents that count as contacts; None: agents must be on the same node."""
 ContactSearch = Callable[[Near, contacts.Contacts], None]
@@ -123,7 +125,7 @@ class RuleBuilder(ABC):
     """The data from which rules of the core are built: those of a batch (`BatchRules`) or of one game.
 
     Attributes:
-        roster: the agents.
+        room: the number of agents for which arrays by agent have room.
         games, events, steps, pieces: see `gamms.core.rules`.
         columns: the nodes, times and lengths of the tracks of one game's agents.
         most: the room for nodes of each agent in `columns`.
@@ -133,7 +135,7 @@ class RuleBuilder(ABC):
         rules: the rule of each rule number in events.
     """
 
-    roster: AgentTable
+    room: int
     games: rules.GameColumns
     events: rules.Events
     steps: rules.AgentPaths
@@ -144,6 +146,24 @@ class RuleBuilder(ABC):
     pieces: contacts.MotionIntervals
     home: IntArray
     rules: list[CompiledRule]
+
+    @property
+    @abstractmethod
+    def roster(self) -> AgentTable:
+        """The agents."""
+
+    @abstractmethod
+    def by_agent(
+        self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
+    ) -> Any:
+        """Return an array (room * width,) of values that depend on the agents.
+
+        Args:
+            values: returns the values, (agents * width,).
+            kind: their type.
+            absent: the value behind the last agent.
+            width: the number of values of an agent.
+        """
 
     def number(self, *played: CompiledRule) -> int:
         """Number the parts of a rule; return the first number."""
@@ -156,18 +176,22 @@ class RuleBuilder(ABC):
 
     def visitors(self, *, at_end: bool) -> Visitors:
         """Return the agents on the ground, with the nodes that they visit."""
-        sides = ints(len(self.roster.names))
+        sides = ints(self.room)
         tracks = self.tracks(sides, at_end=at_end)
         return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
-        return flat(self.roster.plays_for(teams) & (air | ~self.roster.flies), np.int64)
+        return self.by_agent(lambda: self.roster.plays_for(teams) & (air | ~self.roster.flies))
 
     def sides(self, ours: object, theirs: object, *, air: bool) -> Any:
         """Return the sides of agents, (agents,), for `contacts.Tracks`."""
-        both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
-        return flat(both[0] + 2 * both[1], np.int64)
+
+        def values() -> IntArray:
+            both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
+            return both[0] + 2 * both[1]
+
+        return self.by_agent(values)
 
     def team(self, team: Hashable) -> int:
         """Return the number of a team; -1: no agent plays for it."""
@@ -204,8 +228,8 @@ class RuleBuilder(ABC):
 
     # The following methods do nothing for batches, whose columns hold what the rules read.
 
-    def read_starts(self, agents: BoolArray) -> None:  # noqa: B027
-        """Note that a rule reads the start nodes of some agents, (agents,), in `home`."""
+    def read_starts(self, agents: Callable[[], BoolArray]) -> None:  # noqa: B027
+        """Note that a rule reads the start nodes of some agents, (agents,), in `home`; see `by_agent`."""
 
     def read_scores(self) -> None:  # noqa: B027
         """Note that a rule reads the scores of the teams."""
@@ -239,7 +263,7 @@ class BatchRules(RuleBuilder):
         agents = len(state.roster.names)
         streets = state.streets
         self.state = state
-        self.roster = state.roster
+        self.room = agents
         self.thread = thread
         self.games = games
         self.events = events
@@ -263,6 +287,22 @@ class BatchRules(RuleBuilder):
         self.pieces = motion_intervals(room, keys)
         self.rules = known
         self._agents_in: list[IntArray] = []  # stored columns of agent numbers, which may have been loaded
+
+    @property
+    def roster(self) -> AgentTable:
+        """The agents."""
+        return self.state.roster
+
+    def by_agent(
+        self,
+        values: Callable[[], NumberArray],
+        kind: type[np.generic] = np.int64,
+        *,
+        absent: int = 0,  # noqa: ARG002 - there is room for these agents only
+        width: int = 1,  # noqa: ARG002 - as above
+    ) -> Any:
+        """Return an array (agents * width,) of values that depend on the agents."""
+        return flat(values(), kind)
 
     @property
     def num_nodes(self) -> int:
