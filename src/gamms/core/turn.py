@@ -754,7 +754,7 @@ class GameTurn(TurnDriver):
         if is_paused:
             gc.disable()  # NOTE: to look for garbage among first states, which stay, takes long (w9 first)
         try:
-            if is_first and asked.individuals:
+            if self.asked == 1 and asked.individuals:
                 self._learn_neighborhoods(order, part)
             if observers or not asked.see_world_only:
                 self._ask_part(answers, part, self._observe_first(order, part, observers))
