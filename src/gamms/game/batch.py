@@ -855,8 +855,10 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _numbers_of(self, which: object) -> IntArray:
         """Return game numbers from a list of numbers or a mask (games,); None: all games."""
+        if which is None:
+            return np.arange(len(self))
         try:
-            games = np.arange(len(self)) if which is None else np.asarray(which)
+            games = np.asarray(which)
         except ValueError:  # lists of several lengths
             games = np.zeros((1, 1))
         if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):

@@ -15,6 +15,7 @@ from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
 from gamms.game.strategy_specs import key_of, strategy_spec_of
+from gamms.ir.agents import Position
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -56,6 +57,13 @@ def lock(arrays: Iterable[Column]) -> None:
     for array in arrays:
         if array.flags.writeable:
             array.setflags(write=False)
+
+
+def as_index(games: IntArray) -> IntArray | slice:
+    """Return the same games as an index of arrays: as a slice if they follow each other, which NumPy writes faster."""
+    if len(games) and games[-1] - games[0] == len(games) - 1 and (np.diff(games) == 1).all():
+        return slice(int(games[0]), int(games[-1]) + 1)
+    return games
 
 
 def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], values: object) -> None:
@@ -375,12 +383,13 @@ class AgentTable(NamedTuple):
         The nodes of agents that may come are arbitrary.
         """
         nearest = game.ctx.graph.graph.nearest_node
+        starts = starts_of(game)
         found = list[int]()
         for agent in self.agents:
             if isinstance(agent, ComingAgent):
                 found.append(next(iter(game.ctx.graph.graph.get_nodes())))
                 continue
-            place = game.internals.start_of(agent)
+            place = starts[agent.name]
             found.append(place if isinstance(place, int) else nearest(*place[:2]))
         return found
 
@@ -436,6 +445,17 @@ class AgentTable(NamedTuple):
 def agents_of(game: PlayedGame) -> list[IAgent]:
     """Return all agents of a game in the order of names, dead or alive."""
     return [agent for _, agent in sorted(game.ctx.agent.agents.items())]
+
+
+def starts_of(game: PlayedGame) -> Mapping[str, int | Position]:
+    """Return name -> the start of an agent, a node id or (x, y, z), or its present place if the game has not begun."""
+    known = game.internals.starts
+    agents = game.ctx.agent.agents
+    return (
+        known
+        if known.keys() >= agents.keys()
+        else {name: game.internals.start_of(agent) for name, agent in agents.items()}
+    )
 
 
 def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:

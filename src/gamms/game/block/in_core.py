@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of, kept_in
+from gamms.game.block.columns import AgentTable, Failure, PlayedGame, as_index, decider_of, kept_in
 from gamms.game.block.scores import fits_float
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose
 from gamms.game.block.strategy_steps import (
@@ -428,11 +428,12 @@ class CoreColumns:
 
     def begin(self, games: IntArray) -> None:
         """Begin games, whose agents have not moved."""
-        self.start[games] = self._state.node[games]
-        self.went[games] = self._state.node[games]
-        self.takes_part[games] = 0
-        self.held[games] = 0
-        self.part[games] = 0
+        those = as_index(games)
+        self.start[those] = self._state.node[those]
+        self.went[those] = self._state.node[those]
+        self.takes_part[those] = 0
+        self.held[those] = 0
+        self.part[those] = 0
 
     def events_of(self, thread: int) -> rules.Events:
         """Return the events of a thread."""

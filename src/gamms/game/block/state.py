@@ -14,7 +14,7 @@ from gamms import kernels
 from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import AgentTable, Failure, GameLog
+from gamms.game.block.columns import AgentTable, Failure, GameLog, as_index
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog
 from gamms.game.block.scores import Scores
 from gamms.game.decisions import COUNT_OF
@@ -385,14 +385,16 @@ class GameArrays:
             if self.headings[game]:
                 self.headings[game] = {}
             self.over[game] = None
-        self.start[games] = np.where(self.roster.is_first, start, -1)
-        self.node[games] = start
-        self.previous[games] = start
-        self.alive[games] = self.roster.is_first
-        self.is_there[games] = self.alive[games]
-        self.plays[games] = False
-        self.plays[games[:, None], self.roster.team_of[self.roster.is_first]] = True
-        self.is_going[games] = True
+        those = as_index(games)
+        self.start[those] = np.where(self.roster.is_first, start, -1)
+        self.node[those] = start
+        self.previous[those] = start
+        self.alive[those] = self.roster.is_first
+        self.is_there[those] = self.roster.is_first
+        plays = np.zeros(len(self.roster.teams), np.bool_)
+        plays[self.roster.team_of[self.roster.is_first]] = True
+        self.plays[those] = plays
+        self.is_going[those] = True
         self.put_roads(games, None)
         self.movement.clear(games)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
