@@ -31,6 +31,7 @@ from gamms.game.snapshots import (
 )
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
+from gamms.limits import GarbagePause
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -391,12 +392,19 @@ class Game(Surface, RuleVerbs):
     @refused_while_deciding
     def result(self) -> Result:
         """Return the result of the game so far; not for strategies, because it contains the seed."""
+        with GarbagePause():
+            return self._new_result()
+
+    def _new_result(self) -> Result:
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
         ends = {name: (team, False, node) for name, (team, node) in state.departed.items()}
-        ends |= {name: (one.team, one.alive, one.current_node_id) for name, one in agents.items()}
+        block = self.ctx.agent.block
+        block.locate()
+        columns = block.names, block.teams, block.alive, block.ids_of(block.node)
+        ends |= {name: (team, alive, node) for name, team, alive, node in zip(*columns, strict=True)}
         summaries = {
             name: {
                 **dict(zip(("team", "alive", "node"), ends[name], strict=True)),
@@ -404,6 +412,8 @@ class Game(Surface, RuleVerbs):
             }
             for name in sorted(ends)
         }
+        deciders = {name: self._decider(one) for name, one in sorted(agents.items())}
+        called = {id(one): strategy_name(one) for one in {id(one): one for one in deciders.values()}.values()}
         return Result(
             turns=self.turn,
             scores=dict(self.scores),
@@ -418,7 +428,7 @@ class Game(Surface, RuleVerbs):
             provenance={
                 **versions(),
                 "scenario": self._internals.scenario,
-                "strategies": {name: strategy_name(self._decider(one)) for name, one in sorted(agents.items())},
+                "strategies": {name: called[id(one)] for name, one in deciders.items()},
                 **({} if self.information == "private" else {"information": self.information}),
             },
             **over,

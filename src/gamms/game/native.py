@@ -31,6 +31,7 @@ from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.ir.graph import IntArray
+from gamms.limits import GarbagePause
 from gamms.progress import uninterrupted
 
 _GAME = np.zeros(1, np.int64)  # the number of the only game
@@ -67,10 +68,11 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
     if known is not None:
         known.make_last_turn(is_replaced=is_known)
     try:
-        if known is not None and is_known:
-            known.read()
-            return known
-        return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
+        with GarbagePause():  # NOTE: here and below: what is made stays (w9 alone)
+            if known is not None and is_known:
+                known.read()
+                return known
+            return GameInCore(game, roster, key, past) if _is_in_core(game, roster) else None
     except (BadValue, UnknownName):  # an agent began, or was before, on a node that has been removed
         return None
 
@@ -330,7 +332,7 @@ class GameInCore:
             return
         core = self._core
         columns = self._columns
-        with uninterrupted():
+        with uninterrupted(), GarbagePause():
             columns.until[:] = turn * core.num_parts
             core.prepare(None, 1)
             columns.give()
@@ -362,7 +364,7 @@ class GameInCore:
             return
         began = perf_counter()
         values = self._game.internals.state
-        with uninterrupted():
+        with uninterrupted(), GarbagePause():
             block = self._game.ctx.agent.block
             before = np.array([block.ids_of(block.node), block.ids_of(block.previous)], np.int64)
             self._show_agents()
@@ -448,9 +450,10 @@ class GameInCore:
         turns = len(past.node)
         first = max(self._shown + 1, turn + 1 - turns)
         rows = np.arange(first, turn + 1) % turns
-        nodes = self._state.streets.ids_of(past.node[rows][:, self._by_row])
-        places: list[list[Any]] = nodes.tolist()
+        nodes = np.ascontiguousarray(self._state.streets.ids_of(past.node[rows][:, self._by_row]))
+        places: list[Any] = [of_turn.data for of_turn in nodes]
         if self._on_edges is not None:
+            places = nodes.tolist()
             row_of = {number: row for row, number in enumerate(self._by_row.tolist())}
             for row, of_turn in zip(rows.tolist(), places, strict=True):
                 on_edges = self._on_edges(past.edge[row], past.share[row], past.motion[row])
@@ -458,7 +461,7 @@ class GameInCore:
                     of_turn[row_of[number]] = on_edges[number]
         is_all = first == self._shown + 1
         here, previous = before
-        begin = np.where(nodes[0] == here, previous, here).tolist() if is_all else places.pop(0)
+        begin = np.where(nodes[0] == here, previous, here).data if is_all else places.pop(0)
         self._past.end_turns(begin, places, turn, goes_on=is_all)
 
     def _later_events(self, rule: NamedRule) -> int:

@@ -142,7 +142,7 @@ class PastTurns:
         """The number of turns of the present agents that are remembered."""
         return min(max(_MOST_PLACES // max(len(self._ctx.agent.positions.names), 1), 1), MOST_TURNS)
 
-    def end_turns(self, begin: list[Any], places: Sequence[list[Any]], last: int, *, goes_on: bool) -> None:
+    def end_turns(self, begin: Sequence[Any], places: Sequence[Sequence[Any]], last: int, *, goes_on: bool) -> None:
         """Store the ends of several turns of the present agents.
 
         Args:

@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain
 from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, some_rows, starts_of
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.in_core import CoreColumns
 from gamms.game.block.state import STOPPED, GameArrays
@@ -24,7 +25,7 @@ from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
-from gamms.ir.game_state import KEPT
+from gamms.ir.game_state import KEPT, GameState
 from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -117,9 +118,9 @@ class InitialState:
         self._messages = [*values.messages]
         self._deeds = [*values.deeds]
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
-        own = [block.row_of(names[number]) for number in self._agents.tolist()]
-        self._alive = np.array([block.alive[row] for row in own], np.bool_)
-        self._places = [rows([*map(node_of, own)]) for node_of in (block.node_of, block.previous_of)]
+        own = block.rows.of_each([names[number] for number in self._agents.tolist()])
+        self._alive = np.asarray(block.alive)[own]
+        self._places = [rows(np.asarray(block.ids_of(column))[own]) for column in (block.node, block.previous)]
         self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
         self.last_turn: LastTurn | None = None
         self._last_deeds: list[ArrayDeeds] = []
@@ -133,17 +134,24 @@ class InitialState:
         self._is_on_edge = np.array([place is not None for _, place in self._progress], np.bool_)
         self._take_departed(game, state)
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
-        self._placed = [name in known and block.row_of(name) in block.placed for name in names]
+        placed = {block.names[row] for row in block.placed}
+        self._placed = [name in placed for name in names]
         if state.flights is not None:
             self._take_flights(game, state)
-        self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
+        self._take_counts(values, names)
+        self.put(state, columns, games)
+        self._take_memories(game, state)
+
+    def _take_counts(self, values: GameState, names: Sequence[str]) -> None:
+        """Store who was blocked, the counts of agents, and how often rules have stopped them."""
+        blocked = dict(values.blocked)
+        self._blocked = ["in conflict" in blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
-        self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
+        counts = [values.counts.get(name, nothing) for name in names]
+        self._counts = {kind: [of_agent[kind] for of_agent in counts] for kind in COUNTED}
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
-        self.put(state, columns, games)
-        self._take_memories(game, state)
 
     def _take_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Copy the memory of rules, strategies and array functions into `state.first`."""
@@ -258,19 +266,26 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     graph = game.ctx.graph
     by_metres = isinstance(movement, MetricMovement)
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
-    for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
-        row = block.row_of(agent.name)
-        for node in (game.internals.start_of(agent), block.previous_of(row)):
-            if not graph.graph.has_node(node):
+    starts = starts_of(game)
+    previous = block.ids_of(block.previous)
+    on_ground = [row for row in map(block.row_of, sorted(block.names)) if not block.kind[row]]
+    nodes_of = {row: (starts[block.names[row]], previous[row]) for row in on_ground}
+    has_node = {node: graph.graph.has_node(node) for node in {*chain.from_iterable(nodes_of.values())}}
+    for row in on_ground:
+        for node in nodes_of[row]:
+            if not has_node[node]:
                 raise BadValue(
-                    f"Node {node}, where agent {shown(agent.name)} started or was before, was removed from the map: a "
-                    "batch that continues the game needs it. Close its roads instead, or set agent.prev_node_id."
+                    f"Node {node}, where agent {shown(block.names[row])} started or was before, was removed from the "
+                    "map: a batch that continues the game needs it. Close its roads instead, or set "
+                    "agent.prev_node_id."
                 )
+        if block.progress[row] is None:
+            continue
         place = block.on_edge(row) if by_metres else block.progress[row]
         if by_metres and place is not None and place.edge not in edges:
-            game.internals.state.blocked.add(agent.name, closed_edge(place.source, place.target))
+            game.internals.state.blocked.add(block.names[row], closed_edge(place.source, place.target))
             place = None
-        if not by_metres and place is not None and (agent.speed is None or place.source != block.node_of(row)):
+        if not by_metres and place is not None and (block.speed[row] is None or place.source != block.node_of(row)):
             place = None
         block.set_progress(row, place)
 
