@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.core.agents import NodeNumbers, number_nodes
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, speeds_of
 from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
@@ -91,7 +91,8 @@ def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
 
 def read(columns):
     """Name -> the values of a column as a list."""
-    return {name: [*getattr(columns, name)] for name in BY_ROW}
+    lists = {name: [*getattr(columns, name)] for name in BY_ROW if name != "speed"}
+    return lists | {"speed": speeds_of(columns.games)}
 
 
 def test_many_agents_move_like_one_after_the_other(columns):
@@ -143,6 +144,7 @@ VERBS = st.one_of(
     st.tuples(st.just("set"), ROWS, st.just("heading"), st.sampled_from([(0.0, 1.0), None])),
     st.tuples(st.just("set"), ROWS, st.sampled_from(["node", "previous"]), NODES),
     st.tuples(st.just("set"), ROWS, st.just("alive"), st.booleans()),
+    st.tuples(st.just("set"), ROWS, st.just("speed"), st.sampled_from([2, 2.5, None])),
     st.tuples(st.just("set"), ROWS, st.just("teams"), st.sampled_from(["red", None])),
     st.tuples(st.just("move_all"), st.permutations([0, 1, 2]).map(Selection), st.lists(NODES, min_size=3, max_size=3)),
 )
@@ -274,3 +276,28 @@ def other_map():
     for node in range(8):
         ctx.graph.graph.add_edge({"id": node, "source": 1000 + node, "target": 1001 + node, "length": 1.0})
     return ctx.graph.storage.contents()
+
+
+# -- speeds -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [3, 3.0, 0, 0.5, float("inf"), None], ids=repr)
+def test_a_speed_keeps_its_type_in_the_columns_and_in_their_copies(ctx, speed):
+    anna = ctx.agent.create_agent("anna", start_node_id=1, speed=speed)
+    ctx.agent.create_agent("bert", start_node_id=2)
+    before = ctx.game.snapshot()
+    read = [repr(one.ctx.agent.get_agent("anna").speed) for one in (ctx.game, ctx.game.fork(1))]
+    anna.speed = 7 if isinstance(speed, float) else 7.5
+    ctx.game.restore(before)
+    ctx.agent.delete_agent("bert")
+    assert {*read, repr(anna.speed)} == {repr(speed)}
+
+
+def test_a_team_has_its_speeds_as_one_array(ctx):
+    red = ctx.agent.create_team("red", [0, 1, 2])
+    assert red["speed"].tolist() == [None] * 3
+    red.set("speed", [1.0, 2.5, 0.5])
+    assert (red["speed"].dtype, red["speed"].tolist()) == (np.float64, [1.0, 2.5, 0.5])
+    for agent, speed in zip(red.agents, (1, 2, 3), strict=True):
+        agent.speed = speed
+    assert (red["speed"].dtype, red["speed"].tolist()) == (np.int64, [1, 2, 3])

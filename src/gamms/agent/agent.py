@@ -12,7 +12,7 @@ from gamms.core.agents import AgentView
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
 from gamms.ir import events
-from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.agents import AgentBlock, Position, Quat, speed_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
 from gamms.readonly import ReadOnlyMapping
@@ -412,7 +412,7 @@ class Agent(BaseAgent):
     @property
     def speed(self) -> Any:
         """The distance it may move per turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
-        return self._block.speed[self._row]
+        return speed_of(self._block, self._row)
 
     @speed.setter
     def speed(self, speed: float | None) -> None:
@@ -557,7 +557,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def speed(self) -> float:
         """The distance it moves at each step, map units."""
-        return self._block.speed[self._row]  # type: ignore[return-value] # as above
+        return speed_of(self._block, self._row)  # type: ignore[return-value] # as above
 
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
         """Read the sensors; return a fresh dict with `curr_pos`, `quat` and `sensor`."""

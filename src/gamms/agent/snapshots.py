@@ -8,7 +8,7 @@ from typing import Any
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, UncreatedMembers
 from gamms.core.copies import copied_values
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, speed_of, speeds_of
 from gamms.ir.positions import Positions
 from gamms.ir.schema import PLACES
 from gamms.typing.graph_engine import Node
@@ -115,14 +115,14 @@ class AgentsSnapshot:
 
         Such an agent keeps its speed, and its height if it flies; it is on `node` until it is placed.
         """
-        speeds = dict(zip(self.names, self.roster.columns["speed"], strict=True))
+        speeds = dict(zip(self.names, speeds_of(self.columns["games"]), strict=True))
         for row, name in enumerate(block.names):
             if name not in known:
                 was = self.places.get(name)
                 place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
                 columns = {column.name: column.initial for column in PLACES}
                 columns |= {"node": node.id, "previous": node.id, "position": place, "previous_position": place}
-                columns |= {"quat": block.quat[row], "speed": speeds.get(name, block.speed[row])}
+                columns |= {"quat": block.quat[row], "speed": speeds.get(name, speed_of(block, row))}
                 yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:

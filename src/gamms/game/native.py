@@ -115,7 +115,7 @@ def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
     own = {one.spec.key for one in game.rules}
     facts = {name: _Itself(value) for name, value in game.facts.items() if name not in own}
     return (
-        *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), list(block.speed)),
+        *(roster.names, roster.teams, roster.team_of.tolist(), list(block.names), block.speed.tobytes()),
         *([getattr(agent, "strategy", None) for agent in agents], game.rules, facts),
         *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes()),
         [_Itself(value) for value in game.settings().values()],

@@ -5,6 +5,8 @@ from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gamms import kernels
 from gamms.arguments import as_range
 from gamms.core.ask import DecidingAgent, SensorCall
@@ -224,7 +226,7 @@ class Slots(Sequence[AgentSlot]):
     ) -> None:
         block: AgentBlock = agents.block
         kind = block.kind
-        speed = block.speed
+        has_speed = ~np.isnan(block.speed)
         progress = block.progress
         selection = Selection([])
         names = list[str]()
@@ -243,14 +245,14 @@ class Slots(Sequence[AgentSlot]):
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
         travels = settings.legal == "edges" and settings.speed_unit != "edges"
-        some = travels or speed.count(None) + progress.count(None) < 2 * len(block)
+        some = travels or has_speed.any() or progress.count(None) < len(block)
         self.paced = [
             i
             for i, row in enumerate(rows if some else ())
-            if not kind[row] and (travels or speed[row] is not None or progress[row])
+            if not kind[row] and (travels or has_speed[row] or progress[row])
         ]
-        has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
-        self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
+        are_slow = not travels and not any(has_speed[rows[i]] for i in self.paced)
+        self.are_plain = settings.legal == "edges" and not self.flying and are_slow
         self._agents = agents.storage
         self.idle = idle
         self.table = table

@@ -7,6 +7,8 @@ from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain, compress, count
+from math import isnan, nan
+from numbers import Integral
 from operator import ne, not_
 from typing import Any
 
@@ -43,7 +45,7 @@ class AgentBlock(AgentColumns):
 
     Arguments are not validated here, but by the callers (`typing.actions`). Columns are read directly and written only
     through methods. Number columns are views of the arrays of a `core.block.Block`, which are replaced when agents are
-    created or removed; columns that may hold None or any object are lists.
+    created or removed; columns of other values are lists.
 
     Args:
         graph: finds the nodes below flying agents; None: their nodes are set explicitly.
@@ -57,7 +59,9 @@ class AgentBlock(AgentColumns):
         heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
         position, previous_position: `(x, y, z)` of flying agents, map units; None on the ground.
         quat: unit quaternion `(w, x, y, z)` of flying agents; None on the ground.
-        speed: map units per step for flying agents; on the ground the limit of the turn engine, None for one edge.
+        speed: map units per step for flying agents; on the ground the limit of the turn engine, NaN for one edge. See
+            `speed_of`.
+        has_int_speed: whether the speed was set to an integer, and is read as one.
         alive: whether the agent takes part.
         games: the block of one game with the number columns of agents, teams and the game.
         team_rows: team -> its row in team columns, in order of first use.
@@ -77,7 +81,7 @@ class AgentBlock(AgentColumns):
     """
 
     __slots__ = (
-        *(name for name in BY_ROW if name not in AgentColumns.__slots__),
+        *(name for name in (*_LISTS, *_NUMBERS) if name not in AgentColumns.__slots__),
         *("_logs", "_located_revision", "_unlocated", "flyers", "games"),
         *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows"),
         "trusts_nodes",
@@ -90,7 +94,8 @@ class AgentBlock(AgentColumns):
     position: list[Position | None]
     previous_position: list[Position | None]
     quat: list[Quat | None]
-    speed: list[float | None]
+    speed: memoryview[float]
+    has_int_speed: memoryview[bool]
     alive: memoryview[bool]
     progress: list[Progress | None]
 
@@ -180,7 +185,8 @@ class AgentBlock(AgentColumns):
         self.previous[row] = self.node[row]
         self.kind[row] = flies
         self.alive[row] = True
-        given = {"names": name, "teams": team, "speed": speed}
+        self._write(row, "speed", speed)
+        given: dict[str, Any] = {"names": name, "teams": team}
         if flies:
             given |= {"position": position, "previous_position": position, "quat": UNTURNED}
         for column in _LISTS:
@@ -221,7 +227,7 @@ class AgentBlock(AgentColumns):
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Move the agent of a row of another block to this block; return its new row."""
         new = self.add(source.names[row], source.node_of(row), position=source.position[row])
-        for name in BY_ROW:
+        for name in (*_LISTS, *_NUMBERS):
             if name not in _OF_NODES:
                 getattr(self, name)[new] = getattr(source, name)[row]
         self.previous[new] = self.numbers.number(source.previous_of(row))
@@ -332,6 +338,9 @@ class AgentBlock(AgentColumns):
 
     def _write(self, row: int, column: str, value: Any) -> None:
         """Write a value to a column; nodes are given by id."""
+        if column == "speed":
+            self.has_int_speed[row] = isinstance(value, Integral)
+            value = nan if value is None else value
         getattr(self, column)[row] = self.numbers.number(value) if column in _OF_NODES else value
 
     def put_back(self, row: int, node: int) -> None:
@@ -531,6 +540,23 @@ def _numbers_of(graph: NodeFinder | None) -> NodeNumbers:
     """Return the numbers of the nodes of a graph; new ones if it has none."""
     found: NodeNumbers | None = getattr(graph, "node_numbers", None)
     return NodeNumbers() if found is None else found
+
+
+def speed_of(block: AgentBlock, row: int) -> float | None:
+    """Return the speed of an agent, as an integer if it was set to one; None: it has none."""
+    return as_speed(block.speed[row], block.has_int_speed[row])
+
+
+def speeds_of(games: Block) -> list[float | None]:
+    """Return the speeds of all agents; see `speed_of`."""
+    return [*map(as_speed, games.row("speed"), games.row("has_int_speed"))]
+
+
+def as_speed(number: float, is_int: bool) -> float | None:
+    """Return a speed as Python reads it, from the columns `speed` and `has_int_speed`."""
+    if isnan(number):
+        return None
+    return int(number) if is_int else number
 
 
 def as_ids(nodes: Sequence[int]) -> memoryview[int]:

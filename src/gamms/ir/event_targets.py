@@ -33,7 +33,7 @@ class AgentsState:
         """Return an agent by number."""
 
     def set(self, row: Row, column: str, value: Plain) -> None:
-        """Set a column of `ir.agents.BY_ROW`, or `strategies`, which are names."""
+        """Set a column of `ir.schema.BY_ROW`, or `strategies`, which are names."""
 
     def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
         """Move agents on the ground, in this order; a number may occur more than once."""

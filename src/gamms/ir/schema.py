@@ -15,6 +15,7 @@ from copy import deepcopy
 from dataclasses import field
 from enum import Enum
 from itertools import chain
+from math import nan
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -69,6 +70,7 @@ class Column(NamedTuple):
         is_watched: whether a change of it changes the version of a block.
         is_in_block: whether blocks have it; other columns exist only in keyframes, from data of the agents.
         parts: the columns that store it in keyframes.
+        numbers: the columns that store it in a block, if a value is not one number but can be made of several.
         axis: owner of each value: "agent", "team", or "game". Columns of the last two are in blocks of games
             (`AgentBlock.games`), and in keyframes if they differ from the initial value.
         is_copied: whether snapshots and forks copy the numbers; otherwise they begin with the initial value.
@@ -85,6 +87,7 @@ class Column(NamedTuple):
     is_watched: bool = False
     is_in_block: bool = True
     parts: "tuple[Column, ...]" = ()
+    numbers: tuple[BlockColumn, ...] = ()
     axis: Literal["agent", "team", "game"] = "agent"
     is_copied: bool = True
     is_recorded: bool = True
@@ -152,7 +155,12 @@ COLUMNS = (  # in the order of keyframes
         is_structure=True,
         is_watched=True,
     ),
-    Column("speed", event=ChangeEvent(0x01100012, "AGENT_SPEED", Audience.TEAM, "speed"), is_structure=True),
+    Column(
+        "speed",
+        event=ChangeEvent(0x01100012, "AGENT_SPEED", Audience.TEAM, "speed"),
+        is_structure=True,
+        numbers=(BlockColumn("speed", "d", nan), BlockColumn("has_int_speed", "?", False)),
+    ),
     Column("sensors", is_in_block=False),
     Column("attributes", is_in_block=False),
     Column("strategies", is_in_block=False),
@@ -171,7 +179,7 @@ BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
 PLACES = tuple(column for column in AGENT_COLUMNS if column.is_in_block and not column.is_structure)
 """The columns of positions and states in a block: all that may change in each turn."""
 
-IN_GAMES = tuple(
+_ONE_NUMBER = tuple(
     BlockColumn(
         column.name,
         _CODES[column.kind],
@@ -183,7 +191,9 @@ IN_GAMES = tuple(
     for column in COLUMNS
     if column.is_in_block and column.kind is not None and not (column.shape and column.axis == "agent")
 )
-"""The number columns without None, as in a `core.block.Block`."""
+
+IN_GAMES = (*_ONE_NUMBER, *chain.from_iterable(column.numbers for column in COLUMNS))
+"""The number columns, as in a `core.block.Block`."""
 
 NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
 """The columns of additional numbers per agent, which agents have as properties."""

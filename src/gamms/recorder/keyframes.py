@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, speeds_of
 from gamms.ir.events import LOGGED
 from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -49,7 +49,7 @@ def captured(ctx: HostContext) -> Keyframe:
     columns["numbers"] = np.array(rows.journal.ids[: len(details)], np.int64)
     columns["alive"] = columns["alive"].astype(np.int64)
     columns["teams"] = to_plain(list(rows.teams))
-    columns["speed"] = to_plain(list(rows.speed))
+    columns["speed"] = speeds_of(rows.games)
     carried = [{name: sensor.sensor_id for name, sensor in sensors.items()} for sensors, _, _ in details]
     columns["carried"] = _carried(carried, groups)
     columns["strategies"] = _names_of(deciders(ctx, [strategy for *_, strategy in details]))

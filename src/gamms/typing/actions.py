@@ -23,7 +23,7 @@ from gamms.arguments import (
 )
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
+from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, speed_of
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
@@ -165,7 +165,7 @@ def position_of(block: AgentBlock, row: int) -> Position:
 
 
 def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> Position:
-    speed = block.speed[row] or 0.0
+    speed = speed_of(block, row) or 0.0
     if distance is None:
         return one_step(position_of(block, row), direction, speed)
     far = as_range(distance, "A distance")
