@@ -17,6 +17,7 @@ from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import BY_ROW
+from gamms.strategies import random_walk
 from gamms.typing import IAgentEngine
 
 
@@ -219,6 +220,27 @@ def test_agents_share_the_numbers_of_their_map(ctx):
     ctx.game.step()
     assert ctx.agent.block.numbers is ctx.graph.graph.node_numbers
     assert ctx.game.fork(1).ctx.agent.block.numbers is ctx.agent.block.numbers
+
+
+@pytest.mark.parametrize("ids", [range(6), [70, 20, 10**9, 3, 4, 5]], ids=["rows", "other ids"])
+def test_the_numbers_of_edges_belong_to_the_map_and_are_never_used_again(ids):
+    game = {"speed_unit": "metres", "conflicts": gamms.rules.Conflicts(edge_capacity=1)}
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game=game) as ctx:
+        ctx.graph.add_nodes(range(4), [0.0, 100.0, 200.0, 300.0], [0.0] * 4)
+        ctx.graph.add_edges(ids, [0, 1, 1, 2, 2, 3], [1, 0, 2, 1, 3, 2])
+        ctx.game.add(gamms.rules.tag("red", "blue", euclid=5.0))
+        for name, team, node in (("anna", "red", 0), ("bert", "blue", 3)):
+            ctx.agent.create_agent(name, start_node_id=node, team=team, speed=30.0, strategy=random_walk)
+        ctx.game.step()
+        fork = ctx.game.fork(2)
+        fork.step()
+        numbers = ctx.graph.graph.edge_numbers
+        assert ctx.agent.block.edge_numbers is fork.ctx.agent.block.edge_numbers is numbers
+        ctx.graph.graph.remove_edge(ids[2])
+        assert ctx.graph.graph.edge_numbers is numbers
+        assert [numbers.number(id) for id in (*ids, 999)] == [*range(7)]
+        ctx.graph.storage.put(other_map())
+        assert ctx.graph.graph.edge_numbers is not numbers
 
 
 def test_agents_stay_on_their_nodes_when_these_are_removed_or_the_map_is_replaced(ctx):

@@ -30,8 +30,9 @@ cdef class NodeNumbers:
     cpdef int make_room(self, i64 places) except -1
     @cython.locals(last=i64, slot=i64, number=i64)
     cpdef Py_ssize_t number(self, i64 id) except -1 nogil
-    @cython.locals(slot=i64)
     cdef Py_ssize_t add(self, i64 id) except -1 with gil
+    @cython.locals(slot=i64)
+    cdef Py_ssize_t enter(self, i64 id) except -1 nogil
     cpdef learn(self, object id)
     @cython.locals(row=Py_ssize_t)
     cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
@@ -40,7 +41,7 @@ cdef class NodeNumbers:
     cpdef int write_ids(self, const i64[::1] numbers, i64[::1] ids) except -1 nogil
 
 
-@cython.locals(dense=i64, places=i64, place=Py_ssize_t)
+@cython.locals(dense=i64, places=i64, place=Py_ssize_t, found=NodeNumbers)
 cpdef number_nodes(const i64[::1] ids)
 
 

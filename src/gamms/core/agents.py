@@ -88,12 +88,16 @@ class NodeNumbers:
         with self.lock:
             if self.count == self.room:
                 self.make_room(len(self.slots))
-            slot = find_slot(self.slots, self.ids, id)
-            if self.slots[slot] < 0:
-                self.ids[self.count] = id
-                self.slots[slot] = self.count
-                self.count += 1
-            return self.slots[slot]
+            return self.enter(id)
+
+    def enter(self, id: int) -> int:
+        """Return the number of an id; a new id gets the next number, for which there must be room."""
+        slot = find_slot(self.slots, self.ids, id)
+        if self.slots[slot] < 0:
+            self.ids[self.count] = id
+            self.slots[slot] = self.count
+            self.count += 1
+        return self.slots[slot]
 
     def learn(self, id: Any) -> Any:
         """Return the number of an id as a Python object, and keep it in `known`."""
@@ -140,7 +144,7 @@ def number_nodes(ids: memoryview[int]) -> NodeNumbers:
     if places > FIRST_ROOM:
         found.make_room(places)
     for place in range(dense, len(ids)):
-        found.number(ids[place])
+        found.enter(ids[place])
     return found
 
 

@@ -98,8 +98,7 @@ cdef class MotionIntervals:
 
 @cython.final
 cdef class Polylines:
-    cdef readonly i64 count
-    cdef const i64[::1] firsts
+    cdef const i64[::1] firsts, lasts
     cdef const double[::1] xs, ys, lengths, shares, wholes
     cdef double x, y
 
@@ -125,7 +124,7 @@ cdef class PathSegments:
     cdef int _put_stay(self, i64 node, double since, double until) except -1 nogil
     @cython.locals(first=i64, beyond=i64, leg=i64)
     cdef int _put_legs(self, Legs legs, i64 agent, bint at_end) except -1 nogil
-    @cython.locals(pace=double, part=i64, first=i64, beyond=i64, number=i64, point=i64, share=double, time=double)
+    @cython.locals(pace=double, part=i64, first=i64, last=i64, number=i64, point=i64, share=double, time=double)
     cdef int _put_line(self, i64 edge, double begin, double end, double since, double until) except -1 nogil
     @cython.locals(part=i64)
     cdef Py_ssize_t _put(self, double since, double until) except -1 nogil

@@ -344,19 +344,18 @@ class Polylines:
     """The polylines of edges; see `gamms.typing.on_edges.Line`.
 
     Attributes:
-        count: the number of edges.
-        firsts: (count + 1,) the points of an edge are those from `firsts[edge]` until before `firsts[edge + 1]`.
+        firsts, lasts: (edges,) the first and the last point of each edge; -1: it has no polyline yet.
         xs, ys: (points,) the points.
         lengths: (points,) the distance from each point to the next of the edge; 0 for its last.
         shares: (points,) the share of the length of the edge at each point.
-        wholes: (count,) the length of the polyline of each edge.
+        wholes: (edges,) the length of the polyline of each edge.
         x, y: the point that `find` has found.
     """
 
     def __init__(self) -> None:
         none: Any = memoryview(array("d"))
-        self.count = 0
-        self.firsts: memoryview[int] = memoryview(array("q", [0]))
+        self.firsts: memoryview[int] = memoryview(array("q"))
+        self.lasts = self.firsts
         self.xs: memoryview[float] = none
         self.ys: memoryview[float] = none
         self.lengths: memoryview[float] = none
@@ -368,6 +367,7 @@ class Polylines:
     def take(
         self,
         firsts: memoryview[int],
+        lasts: memoryview[int],
         xs: memoryview[float],
         ys: memoryview[float],
         lengths: memoryview[float],
@@ -375,8 +375,8 @@ class Polylines:
         wholes: memoryview[float],
     ) -> None:
         """Set the polylines of all edges."""
-        self.count = len(wholes)
         self.firsts = firsts
+        self.lasts = lasts
         self.xs = xs
         self.ys = ys
         self.lengths = lengths
@@ -386,7 +386,7 @@ class Polylines:
     def find(self, edge: int, share: float) -> int:
         """Find the point at a share of the length of an edge."""
         left = share * self.wholes[edge]
-        last = self.firsts[edge + 1] - 1
+        last = self.lasts[edge]
         self.x = self.xs[last]
         self.y = self.ys[last]
         for point in range(self.firsts[edge], last):
@@ -489,9 +489,9 @@ class PathSegments:
         part = self._put(since, until)
         self._begin(part, self.edges.x, self.edges.y)
         first = self.edges.firsts[edge] + 1
-        beyond = self.edges.firsts[edge + 1]
-        for number in range(beyond - first):
-            point = first + number if begin <= end else beyond - 1 - number
+        last = self.edges.lasts[edge]
+        for number in range(last + 1 - first):
+            point = first + number if begin <= end else last - number
             share = self.edges.shares[point]
             if min(begin, end) < share < max(begin, end):
                 time = since + (share - begin) * pace

@@ -177,7 +177,7 @@ cdef class MovesForRules:
     cdef public GameTurn turns
     cdef public AgentColumns block
     cdef public RuleMoves now, steps, tracks
-    cdef public NodeNumbers numbers, streets
+    cdef public NodeNumbers numbers, edge_numbers
     cdef public object pieces
     cdef public i64 epoch, keys
     cdef public i64[::1] turn_number

@@ -955,7 +955,7 @@ class RuleMoves:
         """Return whether the tables of the rules have room for all nodes and edges that are numbered."""
         known = self.rules
         game = self.game
-        if known is None or known.pieces is not game.pieces or game.streets.count > game.keys:
+        if known is None or known.pieces is not game.pieces or game.edge_numbers.count > game.keys:
             return False
         is_enough: bool = self.numbers.count <= known.most_numbers
         return is_enough
@@ -985,7 +985,8 @@ class MovesForRules:
     Attributes:
         phase: the phase of the context.
         state: the state of the game.
-        numbers, streets: number the nodes and the edges.
+        numbers: numbers of the nodes.
+        edge_numbers: numbers of the edges that agents may be on; empty in games that count edges.
         pieces: working memory for contacts.
         keys: the number of nodes or edges for which it has room.
         turns: the turn engine.
@@ -1005,7 +1006,7 @@ class MovesForRules:
         self.state = state
         self.turns = turns
         self.numbers = numbers
-        self.streets = NodeNumbers()
+        self.edge_numbers: NodeNumbers
         self.pieces: Any = None
         self.keys = 0
         self.revised = revised

@@ -370,7 +370,8 @@ class PlaceNumbers:
 
     def __init__(self, capacities: "_Capacities", ctx: HostContext) -> None:
         self.nodes: NodeNumbers = ctx.agent.block.numbers
-        self._edges = NodeNumbers()
+        by_metres = ctx.game.speed_unit != "edges"  # otherwise no agent is on an edge
+        self._edges: NodeNumbers = ctx.agent.block.edge_numbers if by_metres else NodeNumbers()
         self._capacities = capacities
         self.depend_on_map = capacities.depend_on_map
         self._columns: GraphColumns | None = None  # the map of `_limits`

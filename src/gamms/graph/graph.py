@@ -77,6 +77,12 @@ class Graph(Surface, Guarded, IGraph):
         return self._store.node_numbers
 
     @property
+    def edge_numbers(self) -> NodeNumbers:
+        """The numbers that agents, rules and conflicts have for the edges; not for strategies."""
+        self._phase.refuse("use graph.edge_numbers")
+        return self._store.edge_numbers
+
+    @property
     def crs(self) -> str | None:
         """The coordinate reference system of x and y, for example 'EPSG:32635'; None if unknown.
 

@@ -84,7 +84,6 @@ class GraphStore(SharesTables):
         self.road_changes = 0
         self._changed_roads: deque[Sequence[int]] = deque(maxlen=_MOST_CHANGES)  # the edges of the last road changes
         self.neighborhoods = Neighborhoods(self)
-        self._numbers: NodeNumbers | None = None
         self.clear()
 
     def clear(self) -> None:
@@ -92,7 +91,7 @@ class GraphStore(SharesTables):
         self.stop_sharing()
         self.nodes = NodeTable()
         self.edges = EdgeTable()
-        self._numbers = None
+        self._numbers: dict[str, NodeNumbers] = {}  # of nodes and edges; shared by all stores of the map
         self.crs: str | None = None
         self.attribution: str | None = None
         self.scenery: str | Scenery | None = None
@@ -105,9 +104,12 @@ class GraphStore(SharesTables):
     @property
     def node_numbers(self) -> NodeNumbers:
         """Numbers of the nodes, the rows of the map as it was loaded; they stay until another one replaces it."""
-        if self._numbers is None:
-            self._numbers = number_nodes(self.nodes.array("ids").data)
-        return self._numbers
+        return self._numbers.get("nodes") or self._number("nodes")
+
+    @property
+    def edge_numbers(self) -> NodeNumbers:
+        """Numbers of the edges, as of the nodes."""
+        return self._numbers.get("edges") or self._number("edges")
 
     def columns(self) -> GraphColumns:
         """Return the graph as columns that never change; attribute values are not copied."""
@@ -283,6 +285,10 @@ class GraphStore(SharesTables):
         memo[id(self)] = copied
         copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery, deepcopy(self.closed, memo))
         return copied
+
+    def _number(self, table: str) -> NodeNumbers:
+        # NOTE: in one step, because forks that share a map may ask for its numbers in several threads.
+        return self._numbers.setdefault(table, number_nodes(getattr(self, table).array("ids").data))
 
     def _discard_indexes(self) -> None:
         self.neighborhoods.clear()

@@ -82,7 +82,7 @@ class AgentBlock(AgentColumns):
 
     __slots__ = (
         *(name for name in (*_LISTS, *_NUMBERS) if name not in AgentColumns.__slots__),
-        *("_logs", "_located_revision", "_unlocated", "flyers", "games"),
+        *("_edge_numbers", "_logs", "_located_revision", "_unlocated", "flyers", "games"),
         *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows"),
         "trusts_nodes",
     )
@@ -102,7 +102,8 @@ class AgentBlock(AgentColumns):
     def __init__(
         self, graph: NodeFinder | None = None, journal: Journal = PLAIN, numbers: NodeNumbers | None = None
     ) -> None:
-        self.numbers = _numbers_of(graph) if numbers is None else numbers
+        self.numbers = _numbers_of(graph, "node_numbers") if numbers is None else numbers
+        self._edge_numbers: NodeNumbers | None = None
         for name in _LISTS:
             setattr(self, name, [])
         self.games = Block(IN_GAMES)
@@ -146,6 +147,13 @@ class AgentBlock(AgentColumns):
         self.show(row("node"), row("previous"))
         for name in _SHOWN:
             setattr(self, name, row(name))
+
+    @property
+    def edge_numbers(self) -> NodeNumbers:
+        """The numbers of the edges: those of the graph, if it has any."""
+        if self._edge_numbers is None:
+            self._edge_numbers = _numbers_of(self.graph, "edge_numbers")
+        return self._edge_numbers
 
     def __len__(self) -> int:
         return len(self.names)
@@ -243,6 +251,7 @@ class AgentBlock(AgentColumns):
             setattr(self, name, getattr(source, name).copy())
         self.has_teams = source.has_teams
         self.numbers = source.numbers
+        self._edge_numbers = source._edge_numbers
         self.games = source.games.copied()
         self._show()
         self._derive()
@@ -276,13 +285,14 @@ class AgentBlock(AgentColumns):
         if self.graph is None:
             self.graph = graph
             if not self.names:
-                self.numbers = _numbers_of(graph)
+                self.numbers = _numbers_of(graph, "node_numbers")
 
     def succeed(self, block: AgentBlock) -> None:
         """Replace another block: use its journal, with new version numbers."""
         self.graph = block.graph
         if not self.names:
             self.numbers = block.numbers
+            self._edge_numbers = block._edge_numbers
         self.journal = block.journal
         self.version = block.version + 1
         self.rows.version = block.rows.version + 1
@@ -536,9 +546,9 @@ class AgentBlock(AgentColumns):
         self._note_all()
 
 
-def _numbers_of(graph: NodeFinder | None) -> NodeNumbers:
-    """Return the numbers of the nodes of a graph; new ones if it has none."""
-    found: NodeNumbers | None = getattr(graph, "node_numbers", None)
+def _numbers_of(graph: NodeFinder | None, name: str) -> NodeNumbers:
+    """Return the numbers of the nodes or edges of a graph, its attribute of this name; new ones if it has none."""
+    found: NodeNumbers | None = getattr(graph, name, None)
     return NodeNumbers() if found is None else found
 
 

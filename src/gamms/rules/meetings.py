@@ -551,6 +551,7 @@ class TurnContacts(RuleMoves):
         self._one_node = column("q", [1] * size)
         self._of_all = core.Tracks(size, most, *self.columns, self.columns[2], at_end=False)
         numbers = [_zeros("q", size * most_legs) if most_legs else _NO_INTS for _ in range(5)]
+        self._edges = numbers[2]
         self._flags = numbers[-1]
         shares = [_zeros("d", size * most_legs) if most_legs else _NO_FLOATS for _ in range(5)]
         self.legs = core.Legs(most_legs, self._counts, *numbers, *shares)
@@ -646,7 +647,7 @@ class TurnContacts(RuleMoves):
 
     def _put_paths(self, paths: GamePaths, roads: Any, slots: memoryview, agents: memoryview) -> None:
         """Write the paths by metres of agents along these roads."""
-        to = self.numbers, self.game.streets, self._of_all, self.legs
+        to = self.numbers, self.game.edge_numbers, self._of_all, self.legs
         core.put_paths(paths.core, slots, roads.map, roads.edges, *to, agents)
         if roads.revision != self.game.revision:
             for i, agent in zip(slots, agents, strict=True):
@@ -676,7 +677,7 @@ class TurnContacts(RuleMoves):
     def scratch(self) -> core.MotionIntervals:
         """Return buffers large enough for the moves of these agents."""
         entries = 2 * self.roster.room * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
-        return self.game.scratch(entries, max(self.numbers.count, self.game.streets.count))
+        return self.game.scratch(entries, max(self.numbers.count, self.game.edge_numbers.count))
 
     def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
@@ -703,7 +704,8 @@ class TurnContacts(RuleMoves):
         places = [flying.get(name, on_ground) for name in self.roster.names] if flying else []
         segments.flights = column("d", chain.from_iterable(places))
         segments.places = self.game.places()
-        self.game.add_lines()
+        has_leg = np.arange(self.most_legs) < np.asarray(self._counts)[:, None]
+        self.game.add_lines(np.asarray(self._edges).reshape(has_leg.shape)[has_leg])
 
 
 def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
@@ -760,7 +762,8 @@ class GameContacts(MovesForRules):
         graph = self.edges.graph
         parts = ctx.game.internals.parts
         revised = getattr(graph, "revised", graph)
-        super().__init__(phase_of(ctx), parts.state, parts.turns, ctx.agent.block.numbers, revised, graph.revision)
+        block = ctx.agent.block
+        super().__init__(phase_of(ctx), parts.state, parts.turns, block.numbers, revised, graph.revision)
         self.pieces = motion_intervals(0, 0)
         self._most = 0
         self.graph = graph
@@ -775,6 +778,7 @@ class GameContacts(MovesForRules):
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
         self.by_metres = ctx.game.speed_unit != "edges"
+        self.edge_numbers = block.edge_numbers if self.by_metres else NodeNumbers()
         self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and the version of their set
         self._lives: tuple[AgentBlock, int] | None = None  # the block, and the version of their lives
         self._roster: Roster | None = None
@@ -799,11 +803,15 @@ class GameContacts(MovesForRules):
             self._places[self._numbers] = self._columns.xy
         return self._places.reshape(-1).data
 
-    def add_lines(self) -> None:
-        """Add the polylines of edges that were numbered since the last call; removed edges have no length."""
-        new = [self._line_of(id) for id in self.streets.ids[self.lines.count : self.streets.count]]
+    def add_lines(self, edges: IntArray) -> None:
+        """Add the polylines of edges of these numbers that have none yet; removed edges have no length."""
+        known = self._known_lines
+        numbers = self.edge_numbers
+        if len(known.firsts) < numbers.count:
+            known = known.reserve(numbers.room)
+        new = sorted({*edges[known.firsts[edges] < 0].tolist()})
         if new:
-            self._known_lines = self._known_lines.and_then(LineColumns.of(new))
+            self._known_lines = known.place(new, [self._line_of(numbers.ids[number]) for number in new])
             self._known_lines.give(self.lines)
 
     def _line_of(self, id: int) -> Line:

@@ -83,26 +83,41 @@ class Line(NamedTuple):
 class LineColumns(NamedTuple):
     """The columns of polylines, as `gamms.core.contacts.Polylines` takes them."""
 
-    firsts: IntArray
+    firsts: IntArray  # (edges,) row of the first point; -1: the edge has no polyline yet
+    lasts: IntArray
     xs: FloatArray
     ys: FloatArray
     lengths: FloatArray  # from each point to the next
     shares: FloatArray  # of the length of the edge, at each point
-    wholes: FloatArray
+    wholes: FloatArray  # (edges,)
 
     @classmethod
     def of(cls, lines: Sequence[Line]) -> Self:
         """Return the columns of some polylines."""
-        firsts = np.cumsum([0, *(len(line.points) for line in lines)])
+        sizes = np.array([len(line.points) for line in lines], np.int64)
+        lasts = np.cumsum(sizes) - 1
         xs, ys = np.array([*chain.from_iterable(line.points for line in lines)], np.float64).reshape(-1, 2).T.copy()
         lengths = np.array([*chain.from_iterable((*line.lengths, 0.0) for line in lines)], np.float64)
         shares = np.array([*chain.from_iterable((0.0, *line.shares()) for line in lines)], np.float64)
-        return cls(firsts, xs, ys, lengths, shares, np.array([sum(line.lengths) for line in lines], np.float64))
+        wholes = np.array([sum(line.lengths) for line in lines], np.float64)
+        return cls(lasts - sizes + 1, lasts, xs, ys, lengths, shares, wholes)
 
-    def and_then(self, others: Self) -> Self:
-        """Return these polylines followed by others."""
-        firsts = np.concatenate((self.firsts, self.firsts[-1] + others.firsts[1:]))
-        return type(self)(firsts, *map(np.concatenate, zip(self[1:], others[1:], strict=True)))
+    def reserve(self, count: int) -> Self:
+        """Return these polylines with room for those of the edges up to number `count`."""
+        more = count - len(self.firsts)
+        none = np.full(more, -1)
+        firsts = np.concatenate((self.firsts, none))
+        lasts = np.concatenate((self.lasts, none))
+        return self._replace(firsts=firsts, lasts=lasts, wholes=np.concatenate((self.wholes, np.zeros(more))))
+
+    def place(self, edges: Sequence[int], lines: Sequence[Line]) -> Self:
+        """Return these polylines, with new ones for edges of these numbers, which had none."""
+        new = self.of(lines)
+        self.firsts[edges] = new.firsts + len(self.xs)
+        self.lasts[edges] = new.lasts + len(self.xs)
+        self.wholes[edges] = new.wholes
+        xs, ys, lengths, shares = (np.concatenate(both) for both in zip(self[2:6], new[2:6], strict=True))
+        return self._replace(xs=xs, ys=ys, lengths=lengths, shares=shares)
 
     def give(self, lines: Polylines) -> None:
         """Set the polylines of a search of the core."""
@@ -124,8 +139,8 @@ class Lines:
             lines[row] = Line.of(polyline.ravel().tolist())
         found = LineColumns.of(lines)
         self.polylines = found
-        self._count = np.diff(found.firsts) - 1  # (edges,) number of straight parts
-        self._first = found.firsts[:-1]
+        self._count = found.lasts - found.firsts  # (edges,) number of straight parts
+        self._first = found.firsts
         self._whole = found.wholes
         self._x = found.xs
         self._y = found.ys
