@@ -16,6 +16,7 @@ from gamms.ir.agents import AgentBlock, speeds_of
 from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
+from gamms.ir.progress import Motion, Progress
 from gamms.ir.schema import BY_ROW
 from gamms.strategies import random_walk
 from gamms.typing import IAgentEngine
@@ -92,8 +93,9 @@ def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
 
 def read(columns):
     """Name -> the values of a column as a list."""
-    lists = {name: [*getattr(columns, name)] for name in BY_ROW if name != "speed"}
-    return lists | {"speed": speeds_of(columns.games)}
+    lists = {name: [*getattr(columns, name)] for name in BY_ROW if name not in ("speed", "progress")}
+    progress = [columns.progress_of(row) for row in range(len(columns))]
+    return lists | {"speed": speeds_of(columns.games), "progress": progress}
 
 
 def test_many_agents_move_like_one_after_the_other(columns):
@@ -323,3 +325,48 @@ def test_a_team_has_its_speeds_as_one_array(ctx):
     for agent, speed in zip(red.agents, (1, 2, 3), strict=True):
         agent.speed = speed
     assert (red["speed"].dtype, red["speed"].tolist()) == (np.int64, [1, 2, 3])
+
+
+# -- positions on edges -------------------------------------------------------------------------------------------
+
+
+PROGRESS = st.none() | st.builds(
+    Progress,
+    *(st.integers(-(2**63), 2**63 - 1), st.integers(0, 5), st.floats(0.0, 1.0, exclude_min=True, exclude_max=True)),
+    edge=st.integers(-(2**63), 2**63 - 1),
+    motion=st.sampled_from(Motion),
+)
+
+
+@given(given_to_it=st.lists(PROGRESS, min_size=3, max_size=3), later=st.lists(PROGRESS, min_size=3, max_size=3))
+def test_positions_on_edges_are_read_as_they_were_set(given_to_it, later):
+    block, other = AgentBlock(), AgentBlock()
+    for row, progress in enumerate(given_to_it):
+        block.add(f"a{row}", row)
+        block.set_progress(row, progress)
+    moving = {row for row, progress in enumerate(given_to_it) if progress is not None and progress.motion}
+    assert ([*map(block.progress_of, range(3))], block.travellers) == (given_to_it, moving)
+    values = block.values()
+    for row, progress in enumerate(later):
+        block.set_progress(row, progress)
+    assert other.progress_of(other.take_over(block, 1)) == later[1]
+    block.restore(values, None)
+    assert ([*map(block.progress_of, range(3))], block.travellers) == (given_to_it, moving)
+    block.remove(0)
+    block.close_up()
+    assert [*map(block.progress_of, range(2))] == given_to_it[1:]
+
+
+def test_an_agent_keeps_its_position_on_an_edge_when_the_edge_is_removed_or_the_map_is_replaced(ctx):
+    ctx.agent.create_agent("anna", start_node_id=1)
+    block = ctx.agent.block
+    place = Progress(1, 2, 0.25, min(ctx.graph.graph.get_edges()), Motion.STOPPED)
+    block.set_progress(0, place)
+    before = ctx.game.snapshot()
+    ctx.graph.graph.remove_edge(place.edge)
+    ctx.graph.storage.put(other_map())
+    assert block.on_edge(0) == place
+    block.set_progress(0, None)
+    assert block.on_edge(0) is None
+    ctx.game.restore(before)
+    assert ctx.agent.block.on_edge(0) == place

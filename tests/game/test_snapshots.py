@@ -92,7 +92,7 @@ def plain(ctx):
             "quat": getattr(agent, "quat", None),
             "orientation": tuple(agent.orientation),
             "hp": list(getattr(agent, "meta", {}).get("hp", ())),
-            "progress": ctx.agent.block.progress[agent._row],
+            "progress": ctx.agent.block.progress_of(agent._row),
             "state": repr({key: value for key, value in agent.state.items() if key not in ("draw", "rng")}),
         }
         for agent in ctx.agent.agents.values()

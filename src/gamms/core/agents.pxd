@@ -46,20 +46,24 @@ cpdef number_nodes(const i64[::1] ids)
 
 
 cdef class AgentColumns:
-    cdef public object node, previous
-    cdef public list progress, teams
+    cdef public object node, previous, share
+    cdef public list teams
     cdef public set _changed, travellers
     cdef public object under_way
     cdef public bint is_closed, is_noting, _have_all_changed
     cdef public i64 version
-    cdef public NodeNumbers numbers
+    cdef public NodeNumbers numbers, _edge_numbers
     cdef object _journal
     cdef i64[::1] _goals, _nodes, _origins
+    cdef const i64[::1] _edges, _motions, _sources, _targets
+    cdef const double[::1] _shares
 
     cpdef i64 node_of(self, Py_ssize_t row) except? -1
     cpdef i64 previous_of(self, Py_ssize_t row) except? -1
     cpdef ids_of(self, object numbers)
     cpdef on_edge(self, Py_ssize_t row)
+    @cython.locals(share=double, edge=i64, ids=i64[::1])
+    cpdef progress_of(self, Py_ssize_t row)
     @cython.locals(moved=i64, goals=i64[::1])
     cpdef int move_all(self, object rows, object ends) except -1
     @cython.locals(log=list, ids=list)
@@ -96,7 +100,7 @@ cdef class AgentView:
     cdef public tuple _carried
     cdef public list _last
 
-    @cython.locals(block=AgentColumns, row=Py_ssize_t, node=i64, seen=list, sensed=dict, state=dict)
+    @cython.locals(block=AgentColumns, row=Py_ssize_t, node=i64, share=double, seen=list, sensed=dict, state=dict)
     cpdef get_state(self)
     @cython.locals(block=AgentColumns, numbers=NodeNumbers)
     cpdef set_state(self)

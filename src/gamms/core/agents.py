@@ -154,7 +154,7 @@ class AgentColumns:
     Attributes:
         node, previous: (agents,) the number of the current and of the previous node of each agent, see `node_of`.
         numbers: the numbers of the nodes.
-        progress: (agents,) the position of an agent on an edge; None: it is on its node.
+        share: (agents,) the part that each agent has covered of an edge, see `progress_of`; NaN: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
         journal: records the moves.
         travellers: the rows of agents whose progress has a motion.
@@ -165,15 +165,17 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *("_changed", "_goals", "_have_all_changed", "_journal", "_nodes", "_origins"),
+        *("_changed", "_edge_numbers", "_edges", "_goals", "_have_all_changed", "_journal", "_motions", "_nodes"),
+        *("_origins", "_shares", "_sources", "_targets"),
         *("is_closed", "is_noting", "node", "numbers"),
-        *("previous", "progress", "teams", "travellers", "under_way", "version"),
+        *("previous", "share", "teams", "travellers", "under_way", "version"),
     )
 
     node: memoryview[int]
     previous: memoryview[int]
     numbers: NodeNumbers
-    progress: list[Any]
+    _edge_numbers: NodeNumbers | None
+    share: memoryview[float]
     teams: list[Any]
     travellers: set[int]
     under_way: Any
@@ -194,13 +196,24 @@ class AgentColumns:
         self.is_closed = journal.is_closed
         self.is_noting = not journal.is_silent
 
-    def show(self, node: memoryview[int], previous: memoryview[int]) -> None:
-        """Use these arrays, (agents,), as the numbers of the current and the previous nodes of all agents."""
+    def show(self, node: memoryview[int], previous: memoryview[int], share: memoryview[float]) -> None:
+        """Use these arrays, (agents,), as the columns of these names."""
         self.node = node
         self.previous = previous
+        self.share = share
+        self._shares = share
         self._nodes = node
         self._origins = previous
         self._goals = node[:0]
+
+    def show_on_edges(
+        self, source: memoryview[int], target: memoryview[int], edge: memoryview[int], motion: memoryview[int]
+    ) -> None:
+        """Use these arrays, (agents,), as the numbers and the motions of positions on edges."""
+        self._sources = source
+        self._targets = target
+        self._edges = edge
+        self._motions = motion
 
     def node_of(self, row: int) -> int:
         """Return the id of the node of an agent (IndexError: the row does not exist)."""
@@ -237,8 +250,27 @@ class AgentColumns:
         place_at = self.under_way.places.get(row)
         if place_at is not None:
             return place_at(self.under_way.time)
-        progress = self.progress[row]
+        progress = self.progress_of(row)
         return progress if progress is not None and progress.source == self._node_of(row) else None
+
+    def progress_of(self, row: int) -> Any:
+        """Return the position of an agent on an edge, as `ir.progress.Progress`; None: it is on its node.
+
+        Raises:
+            IndexError: the row does not exist.
+        """
+        if row < 0 or row >= len(self._shares):
+            raise IndexError(f"There is no agent in row {row}.")
+        share = self._shares[row]
+        if share != share:  # noqa: PLR0124 - NaN
+            return None
+        ids = self.numbers.ids
+        edge = 0 if self._edges[row] < 0 else self._edge_numbers.ids[self._edges[row]]  # type: ignore[union-attr]
+        return self._make_progress(ids[self._sources[row]], ids[self._targets[row]], share, edge, self._motions[row])
+
+    def _make_progress(self, source: int, target: int, share: float, edge: int, motion: int) -> Any:
+        """Return a position on an edge, given the ids of its nodes and of the edge."""
+        raise NotImplementedError
 
     def move_all(self, rows: Any, ends: Any) -> int:
         """Move many agents on the ground; an agent that stays keeps its previous node.
@@ -426,7 +458,8 @@ class AgentView:
             return self._last_state()
         row = self._row
         node = block._node_of(row)
-        if block.progress[row] is not None:
+        share = block._shares[row]
+        if share == share:  # noqa: PLR0124 - not NaN: on an edge
             state = {"curr_pos": node, "sensor": self.sense()}
             self._last[0] = state
             return state

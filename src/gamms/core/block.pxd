@@ -21,11 +21,11 @@ cdef class Block:
     cdef public dict columns, sizes
     cdef public Py_ssize_t games
     cdef public bytearray memory
-    cdef dict _first, _room
+    cdef dict _first, _room, _views
     cdef list _own
     cdef Py_ssize_t _stride
 
-    @cython.locals(first=Py_ssize_t, size=Py_ssize_t)
+    @cython.locals(first=Py_ssize_t)
     cpdef row(self, str name, Py_ssize_t game=*)
     @cython.locals(block=Block, size=Py_ssize_t)
     cpdef copy_row(self, Py_ssize_t source, Py_ssize_t target, Block of=*)

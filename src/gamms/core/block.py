@@ -66,6 +66,7 @@ class Block:
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Set the attributes of a copy."""
         self.columns, self.games, self.sizes, self._own, self._room, self._first, self._stride, self.memory = state
+        self._views: dict[str, memoryview[Any]] = {}  # format -> the memory in this format, for `row`
 
     def row(self, name: str, game: int = 0) -> memoryview[Any]:
         """Return a column of one game, (rows in use * width,).
@@ -73,9 +74,13 @@ class Block:
         It is a view of the memory, valid until the block grows.
         """
         column = self.columns[name]
-        size = calcsize(column.code)
-        first = (game * self._stride + self._first[name]) // size
-        return _view(self.memory, column.code)[first : first + self.sizes[column.axis] * column.width]
+        code = column.code
+        view = self._views.get(code)
+        if view is None:
+            view = _view(self.memory, code)
+            self._views[code] = view
+        first = (game * self._stride + self._first[name]) // view.itemsize
+        return view[first : first + self.sizes[column.axis] * column.width]
 
     def add(self, count: int, axis: str = "agent") -> int:
         """Add `count` rows of an axis, with initial numbers, to every game; return the first new row."""
@@ -141,6 +146,7 @@ class Block:
             size += len(numbers) + len(padding)
         self._stride = size
         self.memory = bytearray(b"".join(parts) * self.games)
+        self._views = {}
 
     def _move(self, room: dict[str, int]) -> None:
         """Reallocate with these numbers of rows of each axis, and keep the rows in use."""

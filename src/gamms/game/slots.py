@@ -227,7 +227,7 @@ class Slots(Sequence[AgentSlot]):
         block: AgentBlock = agents.block
         kind = block.kind
         has_speed = ~np.isnan(block.speed)
-        progress = block.progress
+        has_progress = ~np.isnan(block.share)
         selection = Selection([])
         names = list[str]()
         teams = list[Any]()
@@ -245,11 +245,11 @@ class Slots(Sequence[AgentSlot]):
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
         travels = settings.legal == "edges" and settings.speed_unit != "edges"
-        some = travels or has_speed.any() or progress.count(None) < len(block)
+        some = travels or has_speed.any() or has_progress.any()
         self.paced = [
             i
             for i, row in enumerate(rows if some else ())
-            if not kind[row] and (travels or has_speed[row] or progress[row])
+            if not kind[row] and (travels or has_speed[row] or has_progress[row])
         ]
         are_slow = not travels and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow

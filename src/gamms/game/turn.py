@@ -706,9 +706,7 @@ class TurnEngine(GameTurn):
         rows = turn.order.selection.rows
         paths = turn.paths
         for i in part.paced:
-            progress = None if paths is None else paths.progress(i)
-            if progress != block.progress[rows[i]]:
-                block.set_progress(rows[i], progress)
+            block.set_progress(rows[i], None if paths is None else paths.progress(i))
         for i, action in turn.actions.items():
             slot = turn.slots[i]
             if action.heading != ():

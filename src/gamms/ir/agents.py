@@ -20,7 +20,7 @@ from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
 from gamms.ir.graph import FloatArray, IntArray, NodeFinder
 from gamms.ir.journal import PLAIN, Journal
-from gamms.ir.progress import Progress
+from gamms.ir.progress import Motion, Progress
 from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLACES
 
 Position = tuple[float, float, float]  # x, y, z; map units
@@ -34,10 +34,12 @@ PlaceAt = Callable[[float], Progress | None]  # time of the turn, from 0 to 1 ->
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS}
 _NUMBERS = [column.name for column in IN_GAMES if column.axis == "agent"]
 _SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
-_LISTS = [name for name in BY_ROW if name not in _NUMBERS]
+_LISTS = [name for name in BY_ROW if name not in _NUMBERS and not _COLUMNS[name].numbers]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
 _STRUCTURE = [name for name in _LISTS if name not in _PLACES]
 _OF_NODES = ("node", "previous")  # the columns with numbers of nodes
+_OF_PROGRESS = [column.name for column in _COLUMNS["progress"].numbers]
+_MOTIONS = tuple(Motion)
 
 
 class AgentBlock(AgentColumns):
@@ -66,7 +68,9 @@ class AgentBlock(AgentColumns):
         games: the block of one game with the number columns of agents, teams and the game.
         team_rows: team -> its row in team columns, in order of first use.
         has_teams: whether a team was created whose agent objects are made on demand.
-        progress: position on an edge for an agent on the ground; None on a node.
+        source, target, share, edge, motion: the position of an agent on an edge, see `progress_of`: the numbers of the
+            nodes, the covered share, the number of the edge, and the motion. On a node the share is NaN and the motion
+            0; the edge is -1 there, and in games that count edges.
         graph: finds the nodes below flying agents.
         flyers: the rows of flying agents, ascending.
         inactive: the rows of agents that are not alive.
@@ -82,7 +86,7 @@ class AgentBlock(AgentColumns):
 
     __slots__ = (
         *(name for name in (*_LISTS, *_NUMBERS) if name not in AgentColumns.__slots__),
-        *("_edge_numbers", "_logs", "_located_revision", "_unlocated", "flyers", "games"),
+        *("_logs", "_located_revision", "_unlocated", "flyers", "games"),
         *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows"),
         "trusts_nodes",
     )
@@ -97,13 +101,16 @@ class AgentBlock(AgentColumns):
     speed: memoryview[float]
     has_int_speed: memoryview[bool]
     alive: memoryview[bool]
-    progress: list[Progress | None]
+    source: memoryview[int]
+    target: memoryview[int]
+    edge: memoryview[int]
+    motion: memoryview[int]
 
     def __init__(
         self, graph: NodeFinder | None = None, journal: Journal = PLAIN, numbers: NodeNumbers | None = None
     ) -> None:
         self.numbers = _numbers_of(graph, "node_numbers") if numbers is None else numbers
-        self._edge_numbers: NodeNumbers | None = None
+        self._edge_numbers = None
         for name in _LISTS:
             setattr(self, name, [])
         self.games = Block(IN_GAMES)
@@ -144,9 +151,10 @@ class AgentBlock(AgentColumns):
     def _show(self) -> None:
         """Set the number columns to views of the present agents."""
         row = self.games.row
-        self.show(row("node"), row("previous"))
         for name in _SHOWN:
             setattr(self, name, row(name))
+        self.show(row("node"), row("previous"), row("share"))
+        self.show_on_edges(self.source, self.target, self.edge, self.motion)
 
     @property
     def edge_numbers(self) -> NodeNumbers:
@@ -162,10 +170,10 @@ class AgentBlock(AgentColumns):
         """Return all attributes except the number views, which cannot be copied."""
         of_core = (
             "_changed",
+            "_edge_numbers",
             "_have_all_changed",
             "journal",
             "numbers",
-            "progress",
             "teams",
             "travellers",
             "under_way",
@@ -236,9 +244,10 @@ class AgentBlock(AgentColumns):
         """Move the agent of a row of another block to this block; return its new row."""
         new = self.add(source.names[row], source.node_of(row), position=source.position[row])
         for name in (*_LISTS, *_NUMBERS):
-            if name not in _OF_NODES:
+            if name not in _OF_NODES and name not in _OF_PROGRESS:
                 getattr(self, name)[new] = getattr(source, name)[row]
         self.previous[new] = self.numbers.number(source.previous_of(row))
+        self._write(new, "progress", source.progress_of(row))
         self.number_teams((self.teams[new],))
         self._follow_progress(new)
         if not self.alive[new]:
@@ -268,7 +277,6 @@ class AgentBlock(AgentColumns):
         gone = sorted(self.removed)
         self.removed = []
         self.structure.close_up(gone, self.names)
-        self.progress = self.progress.copy()  # orders of earlier turns keep the old list
         for name in _LISTS:
             drop(getattr(self, name), gone)
         self.games.close_up(gone)
@@ -286,6 +294,7 @@ class AgentBlock(AgentColumns):
             self.graph = graph
             if not self.names:
                 self.numbers = _numbers_of(graph, "node_numbers")
+                self._edge_numbers = None
 
     def succeed(self, block: AgentBlock) -> None:
         """Replace another block: use its journal, with new version numbers."""
@@ -348,10 +357,30 @@ class AgentBlock(AgentColumns):
 
     def _write(self, row: int, column: str, value: Any) -> None:
         """Write a value to a column; nodes are given by id."""
+        if column == "progress":
+            self._write_progress(row, value)
+            return
         if column == "speed":
             self.has_int_speed[row] = isinstance(value, Integral)
             value = nan if value is None else value
         getattr(self, column)[row] = self.numbers.number(value) if column in _OF_NODES else value
+
+    def _write_progress(self, row: int, progress: Progress | None) -> None:
+        """Write the position of an agent on an edge."""
+        if progress is None:
+            self.share[row] = nan
+            self.edge[row] = -1
+            self.motion[row] = 0
+            return
+        self.source[row] = self.numbers.number(progress.source)
+        self.target[row] = self.numbers.number(progress.target)
+        self.share[row] = progress.share
+        has_edge = progress.motion or progress.edge
+        self.edge[row] = self.edge_numbers.number(progress.edge) if has_edge else -1
+        self.motion[row] = progress.motion
+
+    def _make_progress(self, source: int, target: int, share: float, edge: int, motion: int) -> Progress:
+        return Progress(source, target, share, edge, _MOTIONS[motion])
 
     def put_back(self, row: int, node: int) -> None:
         """Place an agent on the ground, dead or alive, on a node, as if it had been there before."""
@@ -362,16 +391,15 @@ class AgentBlock(AgentColumns):
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set the position of an agent on its edge."""
-        if self.progress[row] != progress:
-            self.progress[row] = progress
+        if self.progress_of(row) != progress:
+            self._write_progress(row, progress)
             self._follow_progress(row)
             if self.is_noting:
                 self.journal.progressed.add(self.journal.ids[row])
 
     def _follow_progress(self, row: int) -> None:
-        """Update `travellers` after a change of the progress column."""
-        progress = self.progress[row]
-        if progress is not None and progress.motion:
+        """Update `travellers` after a change of the position on an edge."""
+        if self.motion[row]:
             self.travellers.add(row)
             self._note(row)
         elif row in self.travellers:
@@ -507,6 +535,7 @@ class AgentBlock(AgentColumns):
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
         values["games"] = self.games.copied()
         values["numbers"] = self.numbers
+        values["edge_numbers"] = self._edge_numbers
         return values
 
     def restore(self, values: dict[str, Any], structure: dict[str, list[Any]] | None) -> None:
@@ -519,6 +548,7 @@ class AgentBlock(AgentColumns):
         memory = self.games.memory
         if self.names:
             self.numbers = values["numbers"]
+            self._edge_numbers = values["edge_numbers"]
         self.games.copy_row(0, 0, values["games"])
         if self.games.memory is not memory:
             self._show()
@@ -535,7 +565,7 @@ class AgentBlock(AgentColumns):
         self.structure.note_all(self.structure.version)
 
     def _find_travellers(self) -> None:
-        self.travellers = {row for row, one in compress(enumerate(self.progress), self.progress) if one and one.motion}
+        self.travellers = {*np.flatnonzero(self.motion).tolist()}
 
     def _derive(self) -> None:
         """Recompute the data derived from the columns, including the rows of names."""
@@ -661,8 +691,13 @@ def show_column(block: AgentBlock, name: str, values: Sequence[Any] | FloatArray
 
 def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:
     """Show the progress of agents on edges in a game of a batch, by row, without recording changes."""
-    if on_edges or any(block.progress):
-        block.progress[:] = map(on_edges.get, range(len(block.progress)))
+    before = np.flatnonzero(~np.isnan(block.share)).tolist()
+    for row in before:
+        if row not in on_edges:
+            block._write_progress(row, None)
+    for row, progress in on_edges.items():
+        block._write_progress(row, progress)
+    if before or on_edges:
         block.travellers = {row for row, progress in on_edges.items() if progress.motion}
 
 

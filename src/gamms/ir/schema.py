@@ -147,6 +147,13 @@ COLUMNS = (  # in the order of keyframes
             Column("edge_id", np.int64, 0),
             Column("edge_motion", np.int64, 0),
         ),
+        numbers=(
+            BlockColumn("source", INT64, 0),
+            BlockColumn("target", INT64, 0),
+            BlockColumn("share", "d", nan),
+            BlockColumn("edge", INT64, -1),
+            BlockColumn("motion", INT64, 0),
+        ),
     ),
     Column(
         "teams",

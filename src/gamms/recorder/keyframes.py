@@ -42,10 +42,9 @@ def captured(ctx: HostContext) -> Keyframe:
     groups = grouped(described)
     details = ctx.agent.storage.details()
     rows.locate()
-    columns: Columns = rows.arrays(column.name for column in PLACES if column.is_recorded)
+    columns: Columns = rows.arrays(column.name for column in PLACES if column.is_recorded and not column.parts)
     columns |= rows.arrays(("names", "kind", "alive")) | beside_agents(rows)
-    if any(rows.progress):
-        columns |= progress_columns(rows.progress)
+    columns |= progress_columns(rows, np.arange(len(rows)))
     columns["numbers"] = np.array(rows.journal.ids[: len(details)], np.int64)
     columns["alive"] = columns["alive"].astype(np.int64)
     columns["teams"] = to_plain(list(rows.teams))
@@ -212,17 +211,19 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
     return found
 
 
-def progress_columns(progress: list[Progress | None]) -> Columns:
-    """Return the progress of agents along edges as columns; zeros for agents on nodes."""
-    if not any(progress):
-        return {name: np.zeros(len(progress), ARRAYS[name][0]) for name in ON_EDGES}
-    rows = [one or (0, 0, 0.0, 0, 0) for one in progress]
-    return {name: np.array([row[i] for row in rows], ARRAYS[name][0]) for i, name in enumerate(ON_EDGES)}
+def progress_columns(block: AgentBlock, rows: IntArray) -> Columns:
+    """Return the progress of the agents in some rows along edges as columns; zeros for agents on nodes."""
+    columns: dict[str, Any] = {name: np.zeros(len(rows), ARRAYS[name][0]) for name in ON_EDGES}
+    shares = np.asarray(block.share)[rows]
+    for place in np.flatnonzero(~np.isnan(shares)).tolist():
+        for name, value in zip(ON_EDGES, block.progress_of(rows[place]) or (), strict=True):
+            columns[name][place] = value
+    return columns
 
 
-def progress_event(progress: list[Progress | None]) -> Columns:
+def progress_event(block: AgentBlock, rows: IntArray) -> Columns:
     """Return `progress_columns` without columns that games which count edges do not need."""
-    columns = progress_columns(progress)
+    columns = progress_columns(block, rows)
     return {name: columns[name] for name in (ON_EDGES if columns["edge_motion"].any() else ON_EDGES[:3])}
 
 

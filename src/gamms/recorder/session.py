@@ -492,7 +492,7 @@ class RecordingSession:
         rows = [row for row in range(len(block)) if ids[row] in progressed]
         progressed.clear()
         numbers = np.array([ids[row] for row in rows], np.int64)
-        progress = keyframes.progress_event([block.progress[row] for row in rows])
+        progress = keyframes.progress_event(block, np.array(rows, np.int64))
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _visual_changes(self) -> Log:

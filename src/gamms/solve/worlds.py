@@ -492,7 +492,7 @@ class ContextSimulator:
         living = [name in agents and agents[name].alive for name in self.roster.names]
         nodes = [agents[name].current_node_id if name in agents else -1 for name in self.roster.names]
         block = game.ctx.agent.block
-        covered = [block.progress[block.row_of(name)] for name in self.roster.names if name in agents]
+        covered = [block.progress_of(block.row_of(name)) for name in self.roster.names if name in agents]
         scores = dict(state.scores) if self.with_scores else None
         # an agent that was not asked yet has an empty memory
         memories = [{name: one for name, one in kept.items() if one} for kept in (state.memories, state.team_memories)]

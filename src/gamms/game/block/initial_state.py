@@ -25,6 +25,7 @@ from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
+from gamms.ir.agents import speed_of
 from gamms.ir.game_state import KEPT, GameState
 from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
@@ -130,7 +131,7 @@ class InitialState:
             done = enumerate(game.performed())
             deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
             self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
-        self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._progress = [(number, block.progress_of(row)) for number, row in zip(self._agents, own, strict=True)]
         self._is_on_edge = np.array([place is not None for _, place in self._progress], np.bool_)
         self._take_departed(game, state)
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
@@ -279,13 +280,13 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
                     "map: a batch that continues the game needs it. Close its roads instead, or set "
                     "agent.prev_node_id."
                 )
-        if block.progress[row] is None:
+        place = block.on_edge(row) if by_metres else block.progress_of(row)
+        if place is None and block.progress_of(row) is None:
             continue
-        place = block.on_edge(row) if by_metres else block.progress[row]
         if by_metres and place is not None and place.edge not in edges:
             game.internals.state.blocked.add(block.names[row], closed_edge(place.source, place.target))
             place = None
-        if not by_metres and place is not None and (block.speed[row] is None or place.source != block.node_of(row)):
+        if not by_metres and place is not None and (speed_of(block, row) is None or place.source != block.node_of(row)):
             place = None
         block.set_progress(row, place)
 

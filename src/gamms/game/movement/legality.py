@@ -214,7 +214,7 @@ class Legality:
             return self.travel.legal(here, self.travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
-        return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress[mover.row])
+        return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
 
     def _anywhere(self, here: int) -> tuple[int, ...]:
         """Return all nodes, the agent's own first."""
@@ -277,7 +277,7 @@ class Legality:
             if len(path) > 1 or path[0] not in near:
                 raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
             return ResolvedAction(path[0], (here, path[0]))
-        place = self._ctx.agent.block.progress[mover.row]
+        place = self._ctx.agent.block.progress_of(mover.row)
         if is_route:
             return self.walking.along(here, mover.speed, place, path)
         return self.walking.towards(mover.row, here, mover.speed, place, path[0])

@@ -187,7 +187,7 @@ class TurnMoves(TurnMovesInCore):
         if not slot.travels:
             return False
         ended = self.progress(i)
-        now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
+        now = block.progress_of(block.row_of(slot.name)) if slot.name in block.rows else ended
         return (now and now[:-1]) != (ended and ended[:-1])  # the last field, its motion, does not count
 
     def stop(self, i: int) -> bool:
