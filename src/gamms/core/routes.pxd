@@ -81,9 +81,11 @@ cpdef int find_actions(
     const u8[::1] allowed,
     i64[::1] found,
 ) except -1 nogil
-@cython.locals(found=i64, following=i64)
+@cython.locals(last=i64, length=i64, edges=i64, steps=i64)
 cdef i64 node_towards(
     PathTables ways, const i64[::1] legal, i64 first, i64 count, i64 node, i64 target, const u8[::1] allowed
 ) except? -2 nogil
+@cython.locals(steps=i64)
+cpdef i64 count_steps(const i64[::1] path, i64 length, const i64[::1] legal, i64 first, i64 count) except -1 nogil
 @cython.locals(number=i64)
 cdef i64 number_of(const i64[::1] legal, i64 first, i64 count, i64 node) except? -2 nogil

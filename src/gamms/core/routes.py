@@ -346,8 +346,8 @@ def node_towards(
 ) -> int:
     """Return the node that an agent moves to in one move on its path from a node to a target; -1: no path.
 
-    It moves to the target if that is legal, otherwise to the last node of the path that a chain of legal nodes leads
-    to. From the second node on, the chain has only nodes that are allowed.
+    It moves to the target if that is legal, otherwise along the path, see `count_steps`, up to the first node that is
+    not allowed.
 
     Args:
         ways: the paths.
@@ -362,14 +362,37 @@ def node_towards(
         return target
     if not ways.distance(node, target) < INFINITE:
         return -1
-    found = node
-    following = ways.following[ways.place(node, target)]
-    while number_of(legal, first, count, following) >= 0:
-        if found != node and len(allowed) > 0 and not (allowed[found] and allowed[following]):
-            break
-        found = following
-        following = ways.following[ways.place(found, target)]
-    return found
+    ways.paths.path[0] = node
+    last = node
+    length = 1
+    edges = 0
+    steps = 0
+    while steps == edges:  # all known nodes are legal: more may be
+        edges += 2
+        while length <= edges:
+            last = ways.following[ways.place(last, target)]
+            if last < 0 or (len(allowed) > 0 and not allowed[last]):
+                break
+            ways.paths.path[length] = last
+            length += 1
+        steps = count_steps(ways.paths.path, length, legal, first, count)
+    return ways.paths.path[steps]
+
+
+def count_steps(path: memoryview[int], length: int, legal: memoryview[int], first: int, count: int) -> int:
+    """Return how many steps along a path an agent takes in one move: as many as lead to legal nodes, one by one.
+
+    Args:
+        path: nodes, the agent's own first.
+        length: how many of them are the path.
+        legal: nodes; the legal ones are the `count` entries from index `first`.
+        first: see `legal`.
+        count: see `legal`.
+    """
+    steps = 0
+    while steps + 1 < length and number_of(legal, first, count, path[steps + 1]) >= 0:
+        steps += 1
+    return steps
 
 
 def number_of(legal: memoryview[int], first: int, count: int, node: int) -> int:

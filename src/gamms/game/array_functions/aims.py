@@ -1,12 +1,15 @@
 """The actions that lead agents toward nodes: steps of strategies, and in array strategies of single games."""
 
+from array import array
 from collections.abc import Callable, Iterable, Sequence
 from itertools import takewhile
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
 from gamms.arguments import as_array
+from gamms.core import routes as core
 from gamms.errors import NoPath
 from gamms.game.movement.one_edge import PacedMovement
 from gamms.ir.graph import IntArray
@@ -46,25 +49,23 @@ def step_towards(
         return target if any(isfinite(graph.distance(end, target)) for end in ends) else None
     if target in legal and (is_allowed is None or is_allowed(target)):
         return target
-    try:
-        path = _path_ahead(graph, here, target, legal)
-    except NoPath:
-        return None
-    allowed = list(path if is_allowed is None else takewhile(is_allowed, path))
-    reached = sum(1 for _ in takewhile(legal.__contains__, allowed))
+    ids: Any = array("q", legal)
+    path = [here]
+    edges = 0
+    steps = 0
+    while steps == edges:  # all known nodes are legal: more may be
+        edges = max(2, 2 * edges)  # 2 are enough for agents that move along one edge
+        try:
+            path = graph.shortest_path(here, target, most_edges=edges)
+        except NoPath:
+            return None
+        if is_allowed is not None:
+            path = [here, *takewhile(is_allowed, path[1:])]
+        nodes: Any = array("q", path)
+        steps = core.count_steps(nodes, len(path), ids, 0, len(legal))
     if has_speed:
-        return allowed[: reached + 1] or here
-    return allowed[reached - 1] if reached else here
-
-
-def _path_ahead(graph: IGraph, here: int, target: int, legal: Sequence[int]) -> list[int]:
-    """Return the nodes after `here` on the shortest path, at least up to the first node that is not legal."""
-    edges = 2  # enough for agents that move along one edge
-    while True:
-        path = graph.shortest_path(here, target, most_edges=edges)[1:]
-        if len(path) < edges or path[-1] not in legal:
-            return path
-        edges *= 2
+        return path[1 : steps + 2] or here
+    return path[steps]
 
 
 class Aims:

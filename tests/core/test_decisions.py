@@ -1,0 +1,36 @@
+"""The functions of the core by which strategies decide, in single games and in batches."""
+
+from array import array
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.core import routes
+
+
+def column(values):
+    """A column of integers, as the core takes them."""
+    return memoryview(array("q", values))
+
+
+def steps_along(path, legal):
+    """The number of steps along a path in one move, among legal nodes that begin behind others."""
+    return routes.count_steps(column(path), len(path), column([*path, *legal]), len(path), len(legal))
+
+
+def test_an_agent_steps_as_far_along_its_path_as_all_nodes_are_legal():
+    assert steps_along([7, 5, 3, 1], [7, 5, 3]) == 2
+    assert steps_along([7, 5, 3, 1], [7, 5, 1]) == 1
+    assert steps_along([7, 5, 3, 1], [7, 3, 1]) == 0
+
+
+def test_an_agent_steps_from_a_node_that_is_not_legal_itself():
+    assert steps_along([7, 5, 3], [5]) == 1
+    assert steps_along([7], [5]) == 0
+
+
+@given(path=st.lists(st.integers(-3, 9), min_size=1, unique=True), legal=st.sets(st.integers(-3, 9)))
+def test_the_first_step_that_is_not_taken_leads_to_a_node_that_is_not_legal(path, legal):
+    steps = steps_along(path, legal)
+    assert legal.issuperset(path[1 : steps + 1])
+    assert legal.isdisjoint(path[steps + 1 : steps + 2])
