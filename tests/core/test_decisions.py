@@ -1,11 +1,15 @@
 """The functions of the core by which strategies decide, in single games and in batches."""
 
 from array import array
+from math import inf
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.core import routes
+from gamms.core import routes, strategies
+
+DISTANCES = st.lists(st.sampled_from([0.0, 1.0, 2.5, inf]), max_size=5)
 
 
 def column(values):
@@ -34,3 +38,27 @@ def test_the_first_step_that_is_not_taken_leads_to_a_node_that_is_not_legal(path
     steps = steps_along(path, legal)
     assert legal.issuperset(path[1 : steps + 1])
     assert legal.isdisjoint(path[steps + 1 : steps + 2])
+
+
+def nearest(distances, order):
+    """The number of the nearest of several, looked at in an order; None if no path leads to any."""
+    least = inf
+    found = len(distances)
+    for number in order:
+        if strategies.is_nearer(distances[number], number, least, found):
+            least = distances[number]
+            found = number
+    return found if found < len(distances) else None
+
+
+@given(distances=DISTANCES, data=st.data())
+def test_in_any_order_the_first_of_the_nearest_is_found(distances, data):
+    order = data.draw(st.permutations(range(len(distances))))
+    reached = [far for far in distances if far < inf]
+    assert nearest(distances, order) == (distances.index(min(reached)) if reached else None)
+
+
+@pytest.mark.parametrize(("far", "counts"), [(2.5, True), (3.0, True), (3.5, False), (inf, False)])
+def test_up_to_the_greatest_distance_that_counts_one_is_found(far, counts):
+    assert strategies.is_nearer(far, 0, 3.0, 1) == counts
+    assert not strategies.is_nearer(inf, 0, inf, 1)

@@ -17,7 +17,8 @@ cpdef i64 next_stop(
     const i64[::1] stops, const i64[::1] following, i64 first, i64 count, i64 at, i64 node
 ) except? -2 nogil
 cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
-@cython.locals(found=i64, number=i64, is_lower=bint)
+cpdef bint is_nearer(double far, i64 number, double least, i64 found) noexcept nogil
+@cython.locals(found=i64, number=i64)
 cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
 
 
@@ -60,8 +61,10 @@ cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
 @cython.locals(key=u64)
 cdef double _chance(Strategies p, i64 game, i64 agent) except? -1.0 nogil
 cdef i64 _place(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
-@cython.locals(first=i64, place=i64, at=i64, least=double, far=double, number=i64)
+@cython.locals(first=i64, place=i64, at=i64)
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+@cython.locals(first=i64, found=i64, least=double, number=i64, far=double)
+cdef i64 _nearest_stop(Strategies p, i64 step, i64 node) except -1 nogil
 @cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(count=i64, enemies=i64, place=i64)

@@ -58,12 +58,23 @@ def turns_left(is_there: bool, left: int, far: float) -> int:
     return max(left, 0) if far < INFINITE else -1
 
 
+def is_nearer(far: float, number: int, least: float, found: int) -> bool:
+    """Return whether a distance replaces the least one so far; of equal distances the lower number has the first.
+
+    Args:
+        far: the distance; infinity: there is no path, so that it replaces none.
+        number: its number.
+        least: the least distance so far, or the greatest that counts.
+        found: the number of that distance; while there is none, a number above all others.
+    """
+    return far < least or (far == least and far < INFINITE and number < found)
+
+
 def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> int:
     """Return the index of the greatest of the first `count` distances; ties go to the lowest id."""
     found = 0
     for number in range(1, count):
-        is_lower = distances[number] == distances[found] and ids[number] < ids[found]
-        if distances[number] > distances[found] or is_lower:
+        if is_nearer(-distances[number], ids[number], -distances[found], ids[found]):
             found = number
     return found
 
@@ -259,17 +270,23 @@ def _stop(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
     place = _place(p, game, agent, p.steps.slots[step])
     at = p.memory[place]
     if at < 0:
-        at = 0
-        if p.steps.numbers[step]:
-            least = p.ways.distance(node, p.steps.nodes[first])
-            for number in range(1, p.steps.sizes[step]):
-                far = p.ways.distance(node, p.steps.nodes[first + number])
-                if far < least:
-                    least = far
-                    at = number
+        at = _nearest_stop(p, step, node) if p.steps.numbers[step] else 0
     at = next_stop(p.steps.nodes, p.steps.following, first, p.steps.sizes[step], at, node)
     p.memory[place] = at
     return p.steps.nodes[first + at] if at < p.steps.sizes[step] else -1
+
+
+def _nearest_stop(p: Strategies, step: int, node: int) -> int:
+    """Return the index of the nearest node on a list, the first of equals; 0 if no path leads to any."""
+    first = p.steps.first[step]
+    found = p.steps.sizes[step]
+    least = INFINITE
+    for number in range(p.steps.sizes[step]):
+        far = p.ways.distance(node, p.steps.nodes[first + number])
+        if is_nearer(far, number, least, found):
+            least = far
+            found = number
+    return found if found < p.steps.sizes[step] else 0
 
 
 def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
@@ -308,15 +325,15 @@ def are_mates(games: GameColumns, agent: int, other: int) -> bool:
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
     at = game * p.games.agents
-    found = -1
+    found = p.games.agents
     least = INFINITE
     for place in range(_find_enemies(p, game, agent)):
         other = p.by_x.seen[place]
         far = p.ways.distance(node, p.games.node[at + other])
-        if far < least or (far == least and other < found):
+        if is_nearer(far, other, least, found):
             least = far
             found = other
-    return p.games.node[at + found] if found >= 0 else -1
+    return p.games.node[at + found] if found < p.games.agents else -1
 
 
 def _farthest(p: Strategies, game: int, agent: int) -> int:

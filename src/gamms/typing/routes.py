@@ -11,6 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_items, as_range
+from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.ir import geometry
@@ -84,14 +85,14 @@ class Routes(ABC):
         if len(ends) > 1:  # only the first ones reached, up to rounding, can be nearest
             far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
             places = np.flatnonzero(far <= kernels.widened(far.min()))
-        best = within
-        found = None
+        least = within
+        found = len(ends)
         for at in places.tolist():
-            far_at = self.distance_between(row, ends.item(at), weight, best)
-            if far_at < best or (far_at == best < inf and found is None):
-                best = far_at
+            far_at = self.distance_between(row, ends.item(at), weight, least)
+            if is_nearer(far_at, at, least, found):
+                least = far_at
                 found = at
-        return found
+        return found if found < len(ends) else None
 
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
         """Return the distances (rows,) from some rows to row `end`; override for speed.
