@@ -59,6 +59,7 @@ def columns(drawn):
 
 
 SIX = st.lists(I64, min_size=6, max_size=6)
+TEAMS = st.lists(numbers(0, 2), min_size=6, max_size=6).map(lambda one: array("q", one))
 FAR = st.floats(0.0)
 DISTANCES = st.lists(st.tuples(FAR, I64), min_size=1, max_size=6)
 STOPS = st.lists(st.tuples(numbers(0, 3), numbers(0, 6)), min_size=1, max_size=6)
@@ -120,6 +121,15 @@ CASES = {
             array("Q", bytes(64)),
             array("q", [0] * 3),
             array("q", [0] * 3),
+        )
+    ),
+    ("strategies", "are_mates"): st.tuples(numbers(0, 3), numbers(0, 3), numbers(-1, 3)),
+    ("strategies", "mark_mates"): st.tuples(TEAMS, st.lists(st.tuples(ROW, ROW), min_size=1)).map(
+        lambda one: (
+            one[0],
+            0,
+            *(array("q", column) for column in zip(*one[1], strict=True)),
+            array("B", bytes(len(one[1]))),
         )
     ),
     ("strategies", "farthest"): DISTANCES.map(

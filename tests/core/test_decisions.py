@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core import routes, strategies
+from gamms.ir.agents import are_mates
 
 DISTANCES = st.lists(st.sampled_from([0.0, 1.0, 2.5, inf]), max_size=5)
 
@@ -62,3 +63,19 @@ def test_in_any_order_the_first_of_the_nearest_is_found(distances, data):
 def test_up_to_the_greatest_distance_that_counts_one_is_found(far, counts):
     assert strategies.is_nearer(far, 0, 3.0, 1) == counts
     assert not strategies.is_nearer(inf, 0, inf, 1)
+
+
+TEAMS = st.sampled_from([None, "red", "blue", 7])
+
+
+@given(own=TEAMS, other=TEAMS)
+def test_agents_of_one_team_are_mates_and_agents_without_a_team_have_none(own, other):
+    numbers = {None: 0, "red": 1, "blue": 2, 7: 3}
+    expected = own is not None and other == own
+    assert are_mates(own, other) == expected
+    assert strategies.are_mates(numbers[own], numbers[other], 0) == expected
+
+
+def test_where_all_agents_have_a_team_each_team_has_mates():
+    assert strategies.are_mates(0, 0, -1)
+    assert not strategies.are_mates(0, 1, -1)

@@ -27,6 +27,7 @@ from gamms.belief.ground import Arc, BeliefMap, belief_map_of
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered
+from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray, as_node_id
 from gamms.ir.sensor_results import Coverage
 from gamms.plain import (
@@ -436,7 +437,7 @@ def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
     """Return whether an agent is on the ground and on another team than the observer."""
     other = ctx.agent.get_agent(name)
     team = required(state, "team")
-    is_mate = name == state["name"] or (team is not None and getattr(other, "team", None) == team)
+    is_mate = name == state["name"] or are_mates(team, getattr(other, "team", None))
     return not is_mate and other.type is not AgentType.AERIAL
 
 

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport sight
+from gamms.core cimport sight, strategies
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -13,9 +13,9 @@ cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 cdef class VisibleAgents:
     cdef sight.SensorTable looks
     cdef bint has_looks
-    cdef i64 agents
+    cdef i64 agents, nobody
     cdef const i64[::1] viewers, node, team, first, nodes
-    cdef const u8[::1] alive, are_mates, mates
+    cdef const u8[::1] alive, mates
     cdef const double[::1] xy
 
 

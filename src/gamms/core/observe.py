@@ -7,7 +7,7 @@ include the action that leads there, and the numbers of visible agents on it. Le
 
 from __future__ import annotations
 
-from gamms.core import sight
+from gamms.core import sight, strategies
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -37,7 +37,7 @@ class VisibleAgents:
         agents: the number of all agents.
         node, alive: (all games * agents,) the nodes of all agents, and 1 for living ones.
         team: (agents,) the team number of each agent.
-        are_mates: (teams,) 1: agents of this team are teammates.
+        nobody: the team number of agents without a team; -1: all agents have a team.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class VisibleAgents:
         node: memoryview[int],
         alive: memoryview[int],
         team: memoryview[int],
-        are_mates: memoryview[int],
+        nobody: int,
     ) -> None:
         self.looks = looks
         self.has_looks = looks is not None
@@ -62,7 +62,7 @@ class VisibleAgents:
         self.alive = alive
         self.team = team
         self.agents = len(team)
-        self.are_mates = are_mates
+        self.nobody = nobody
         self.first = first
         self.nodes = nodes
         self.mates = mates
@@ -320,7 +320,7 @@ def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
         dy = o.seen.xy[2 * node + 1] - y
         if sight.is_shown(o.seen.looks, viewer, o.seen.team[other], dx, dy):  # type: ignore[arg-type]
             found.nodes[found.count] = node
-            found.mates[found.count] = o.seen.team[other] == own and o.seen.are_mates[own]
+            found.mates[found.count] = strategies.are_mates(own, o.seen.team[other], o.seen.nobody)
             found.count += 1
     return 0
 

@@ -20,6 +20,11 @@ cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
 cpdef bint is_nearer(double far, i64 number, double least, i64 found) noexcept nogil
 @cython.locals(found=i64, number=i64)
 cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
+cpdef bint are_mates(i64 own, i64 other, i64 nobody) noexcept nogil
+@cython.locals(pair=i64)
+cpdef int mark_mates(
+    const i64[::1] teams, i64 nobody, const i64[::1] agents, const i64[::1] others, u8[::1] found
+) except -1 nogil
 
 
 @cython.final
@@ -69,7 +74,6 @@ cdef i64 _nearest_stop(Strategies p, i64 step, i64 node) except -1 nogil
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(count=i64, enemies=i64, place=i64)
 cdef i64 _find_enemies(Strategies p, i64 game, i64 agent) except -1 nogil
-cdef bint are_mates(GameColumns games, i64 agent, i64 other) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double, place=i64)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(at=i64, count=i64, number=i64, place=i64, far=double)

@@ -79,6 +79,20 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
     return found
 
 
+def are_mates(own: int, other: int, nobody: int) -> bool:
+    """Return whether agents of two teams are mates; `nobody` is the number of agents without a team, who have none."""
+    return own == other and own != nobody
+
+
+def mark_mates(
+    teams: memoryview[int], nobody: int, agents: memoryview[int], others: memoryview[int], found: memoryview[int]
+) -> int:
+    """Write whether agents are mates of others, (pairs,); `teams`, (all agents,), has the team of each."""
+    for pair in range(len(agents)):
+        found[pair] = are_mates(teams[agents[pair]], teams[others[pair]], nobody)
+    return 0
+
+
 # -- the strategies of batches -----------------------------------------------------------------------------------------
 
 
@@ -311,15 +325,10 @@ def _find_enemies(p: Strategies, game: int, agent: int) -> int:
     count = sight.see(p.looks, p.by_x, game, agent)
     enemies = 0
     for place in range(count):
-        if not are_mates(p.games, agent, p.by_x.seen[place]):
+        if not are_mates(p.games.team[agent], p.games.team[p.by_x.seen[place]], p.games.nobody):
             p.by_x.seen[enemies] = p.by_x.seen[place]
             enemies += 1
     return enemies
-
-
-def are_mates(games: GameColumns, agent: int, other: int) -> bool:
-    """Return whether two agents are of one team; agents without a team have no mates."""
-    return games.team[agent] == games.team[other] and games.team[agent] != games.nobody
 
 
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:

@@ -6,6 +6,7 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from itertools import chain, compress, count
 from math import isnan, nan
 from numbers import Integral
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.core import strategies
 from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers, PointedColumns
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
@@ -597,6 +599,13 @@ def as_speed(number: float, is_int: bool) -> float | None:
     if isnan(number):
         return None
     return int(number) if is_int else number
+
+
+@lru_cache(maxsize=256)  # strategies ask for each agent that they see
+def are_mates(team: Hashable, other: Hashable) -> bool:
+    """Return whether agents of two teams are mates; None: an agent without a team."""
+    numbers = {one: number for number, one in enumerate(dict.fromkeys([None, team, other]))}
+    return strategies.are_mates(numbers[team], numbers[other], numbers[None])
 
 
 def as_ids(nodes: Sequence[int]) -> memoryview[int]:

@@ -14,6 +14,7 @@ from gamms.core import strategies as core
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
 from gamms.game.strategy_specs import CoreStep
+from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -375,7 +376,7 @@ def _living_enemies(ctx: Context, state: State) -> list[str]:
             for name, one in sorted(ctx.agent.agents.items())
             if getattr(one, "alive", True)
             and one.type is not AgentType.AERIAL
-            and (team is None or getattr(one, "team", None) != team)
+            and not are_mates(team, getattr(one, "team", None))
         ]
 
     return [name for name in made_in_moment(ctx.graph.routes, phase_of(ctx), ("enemies", team), make) if name != me]

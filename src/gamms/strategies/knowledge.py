@@ -4,7 +4,7 @@ Strategies about enemies need `state["team"]`, and a sensor that shows agents: A
 OCCLUDED_AGENT. Such a sensor shows a flying agent at its nearest node.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from inspect import iscoroutinefunction
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -14,6 +14,7 @@ from gamms.arguments import as_function_of, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
+from gamms.ir.agents import are_mates
 from gamms.ir.graph import as_node_id
 from gamms.plain import Shape
 from gamms.typing import IContext
@@ -118,20 +119,20 @@ def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]
         ctx.logger.warning(
             f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it {kinds}."
         )
-    return {name: node for name, node, other in _in_sight(ctx, state) if team is None or other != team}
+    return {name: node for name, node, other in _in_sight(ctx, state) if not are_mates(team, other)}
 
 
 def mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
     """Return the nodes of the teammates that the agent's sensors show, by name, sorted by name."""
     team = state["team"]
-    return {name: node for name, node, other in _in_sight(ctx, state) if team is not None and other == team}
+    return {name: node for name, node, other in _in_sight(ctx, state) if are_mates(team, other)}
 
 
 def _shows_agents(state: State) -> bool:
     return any(kind in _SHOWING_AGENTS for kind, _ in state["sensor"].values())
 
 
-def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, object]]:
+def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, Hashable]]:
     """Return (name, node, team) of the agents that the sensors show, sorted by name."""
     seen: dict[str, int] = {}
     for kind, data in state["sensor"].values():

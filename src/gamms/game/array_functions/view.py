@@ -450,7 +450,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             node=flat(state.node, np.int64),
             alive=flat(state.alive.view(np.uint8), np.uint8),
             team=flat(roster.team_of, np.int64),
-            are_mates=flat(roster.are_teams(), np.uint8),
+            nobody=roster.nobody,
         )
         is_asked = flat(mask.view(np.uint8), np.uint8)
         return observe.Observers(

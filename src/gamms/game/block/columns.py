@@ -10,6 +10,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
+from gamms.core import strategies as core
 from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
@@ -427,14 +428,16 @@ class AgentTable(NamedTuple):
         """Return whether the team of each agent is missing in an order of play, (agents,)."""
         return ~self.plays_for(None if order is None else [team for part in order for team in part])
 
-    def are_teams(self) -> BoolArray:
-        """Return whether agents of each team are mates, (teams,); False only for agents without a team (None)."""
-        return np.array([team is not None for team in self.teams], np.bool_)
+    @property
+    def nobody(self) -> int:
+        """The number of the team of agents without one (None); -1: all agents have a team."""
+        return self.teams.index(None) if None in self.teams else -1
 
     def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
-        """Return whether agents are mates of others, given numbers that broadcast; agents without a team are not."""
-        own = self.team_of[agents]
-        found: BoolArray = (own == self.team_of[others]) & self.are_teams()[own]
+        """Return whether agents are mates of others, (pairs,), given numbers (pairs,); see `strategies.are_mates`."""
+        found = np.zeros(len(agents), np.bool_)
+        pairs = kernels.buffer(agents), kernels.buffer(others)
+        core.mark_mates(kernels.buffer(self.team_of), self.nobody, *pairs, kernels.buffer(found.view(np.uint8)))
         return found
 
     def name(self, number: int) -> str:

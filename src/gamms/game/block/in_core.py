@@ -1033,7 +1033,7 @@ class CoreGames:
             team=flat(roster.team_of, np.int64),
             plays=memory_of(state.plays),
             first_node=self._first_node.data,
-            nobody=roster.teams.index(None) if None in roster.teams else -1,
+            nobody=roster.nobody,
             **({} if columns is None else columns.on_edges),
         )
         shared = {
