@@ -2,6 +2,8 @@
 
 import pytest
 from batch_scenes import check_games, scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gamms
 from gamms.game import IllegalAction
@@ -10,9 +12,12 @@ from gamms.strategies import (
     chase,
     first,
     flee,
+    follow_path,
     goto,
     mix,
+    patrol,
     random_walk,
+    random_waypoints,
     stay,
     unblock,
 )
@@ -89,3 +94,45 @@ def test_agents_without_a_team_are_enemies_of_each_other(strategy):
             ctx.agent.create_agent(f"a{number}", start_node_id=node, sensors=[eyes], strategy=made)
         ctx.game.max_turns = 12
         check_games(ctx, seeds=range(6))
+
+
+STRATEGIES = {
+    "chase": lambda ctx: chase(ctx, otherwise=random_waypoints(ctx, [30, 4, 17], pause=1)),
+    "flee": lambda ctx: flee(ctx, otherwise=follow_path(ctx, [40, 3, 3, 12])),
+    "patrol": lambda ctx: patrol(ctx, [35, 6, 41, 6]),
+    "mix": lambda ctx: mix(0.4, first(chase(ctx, None), goto(ctx, 20)), random_walk),
+}
+KEYS = ("curr_pos", "sensor", "name", "team", "turn", "legal", "draw", "memory")
+
+
+def by_hand(make):
+    """Return a function that makes the same strategy, called with a plain dict as in a loop of one's own."""
+
+    def make_called(ctx):
+        shipped = make(ctx)
+
+        def strategy(state):
+            own = {key: state[key] for key in KEYS}
+            shipped(own)
+            if "action" in own:
+                state["action"] = own["action"]
+
+        return strategy
+
+    return make_called
+
+
+@given(red=st.sampled_from(sorted(STRATEGIES)), blue=st.sampled_from(sorted(STRATEGIES)), seed=st.integers(0, 99))
+@settings(max_examples=16, deadline=None)
+def test_a_strategy_that_is_called_with_a_plain_dict_decides_as_in_a_batch(red, blue, seed):
+    chosen = {"red": STRATEGIES[red], "blue": STRATEGIES[blue]}
+    called = {team: by_hand(make) for team, make in chosen.items()}
+    with hunted().batch(1, seed=seed, strategies=chosen) as games, hunted().build(seed, strategies=called) as ctx:
+        games.run()
+        ctx.game.run()
+        assert not games.slow
+        assert games.result(0) == ctx.game.result()
+        played = games.context(0)
+        for name, agent in ctx.agent.agents.items():
+            assert agent.current_node_id == played.agent.get_agent(name).current_node_id
+            assert dict(ctx.game.memories.get(name, {})) == dict(played.game.memories.get(name, {}))
