@@ -135,6 +135,7 @@ CASES = {
     ("strategies", "farthest"): DISTANCES.map(
         lambda one: (array("d", [far for far, _ in one]), array("q", [id for _, id in one]), len(one))
     ),
+    ("strategies", "is_drawn"): st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.floats(0.0, 1.0)),
     ("strategies", "is_nearer"): st.tuples(FAR, numbers(0, 6), FAR, numbers(0, 6)),
     ("strategies", "next_stop"): st.tuples(STOPS, numbers(0, 6), numbers(0, 3)).map(
         lambda one: (*(array("q", column) for column in zip(*one[0], strict=True)), 0, len(one[0]), *one[1:])

@@ -79,3 +79,9 @@ def test_agents_of_one_team_are_mates_and_agents_without_a_team_have_none(own, o
 def test_where_all_agents_have_a_team_each_team_has_mates():
     assert strategies.are_mates(0, 0, -1)
     assert not strategies.are_mates(0, 1, -1)
+
+
+@given(fraction=st.floats(0.0, 1.0, exclude_max=True))
+def test_what_is_certain_happens_and_what_has_no_chance_does_not(fraction):
+    assert strategies.is_drawn(fraction, 1.0)
+    assert not strategies.is_drawn(fraction, 0.0)

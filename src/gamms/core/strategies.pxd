@@ -20,6 +20,7 @@ cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
 cpdef bint is_nearer(double far, i64 number, double least, i64 found) noexcept nogil
 @cython.locals(found=i64, number=i64)
 cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
+cpdef bint is_drawn(double fraction, double chance) noexcept nogil
 cpdef bint are_mates(i64 own, i64 other, i64 nobody) noexcept nogil
 @cython.locals(pair=i64)
 cpdef int mark_mates(
@@ -64,7 +65,7 @@ cdef double _distance(Strategies p, i64 game, i64 agent, i64 node, i64 target) e
 cdef i64 _towards(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -2 nogil
 cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
 @cython.locals(key=u64)
-cdef double _chance(Strategies p, i64 game, i64 agent) except? -1.0 nogil
+cdef double _fraction(Strategies p, i64 game, i64 agent) except? -1.0 nogil
 cdef i64 _place(Strategies p, i64 game, i64 agent, i64 column) except? -2 nogil
 @cython.locals(first=i64, place=i64, at=i64)
 cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil

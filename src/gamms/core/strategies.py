@@ -79,6 +79,11 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
     return found
 
 
+def is_drawn(fraction: float, chance: float) -> bool:
+    """Return whether something with a probability happens, given a random number in [0, 1)."""
+    return fraction < chance
+
+
 def are_mates(own: int, other: int, nobody: int) -> bool:
     """Return whether agents of two teams are mates; `nobody` is the number of agents without a team, who have none."""
     return own == other and own != nobody
@@ -232,7 +237,7 @@ def act(p: Strategies, game: int, agent: int) -> int:
             target = _nearest_enemy(p, game, agent, node)
         elif kind == FLEES:
             target = _farthest(p, game, agent)
-        elif kind == SKIPS or _chance(p, game, agent) >= p.steps.chances[step]:
+        elif kind == SKIPS or not is_drawn(_fraction(p, game, agent), p.steps.chances[step]):
             step += p.steps.numbers[step]
         target = _towards(p, game, agent, node, target)
         if target >= 0:
@@ -266,7 +271,7 @@ def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:
     return draws.below_at(p.keys[game * p.games.agents + agent], p.games.turn[game], p.drawn - 1, bound)
 
 
-def _chance(p: Strategies, game: int, agent: int) -> float:
+def _fraction(p: Strategies, game: int, agent: int) -> float:
     """Return a random number in [0, 1)."""
     p.drawn += 1
     key = draws.turn_key(p.keys[game * p.games.agents + agent], p.games.turn[game])

@@ -252,7 +252,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     options = as_strategy(b, "b of mix"), as_strategy(a, "a of mix")
 
     def strategy(state: State) -> None:
-        options[drawn_fraction(state, "mix") < chance](state)
+        options[core.is_drawn(drawn_fraction(state, "mix"), chance)](state)
 
     first, second = (strategy_spec_of(one).core_steps for one in (a, b))
     if first is not None and second is not None:
