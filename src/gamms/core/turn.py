@@ -597,8 +597,8 @@ class GameTurn(TurnDriver):
         """Move agents on removed edges to the node that they passed last."""
         raise NotImplementedError
 
-    def _learn_neighborhoods(self, order: Any, part: Any) -> None:
-        """Compute the neighborhoods of the nodes of all agents that are asked."""
+    def _prepare_first(self, order: Any, part: Any) -> bool:
+        """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
         raise NotImplementedError
 
     def _observe_first(self, order: Any, part: Any, observers: Any) -> dict[int, Any]:
@@ -730,8 +730,7 @@ class GameTurn(TurnDriver):
         if order.block.flyers:
             order.block.locate()  # the nodes below
         asked = part.in_core
-        is_first = asked is None
-        if is_first or asked.version != phase.sensor_changes:
+        if asked is None or asked.version != phase.sensor_changes:
             asked = part.prepare(order, phase.sensor_changes)
         if asked.has_starts:
             both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
@@ -750,12 +749,14 @@ class GameTurn(TurnDriver):
         self.asked_part = (order, part)
         self.is_deciding = True
         phase.moment = object() if asked.see_world_only else None
-        is_paused = is_first and gc.isenabled()
-        if is_paused:
-            gc.disable()  # NOTE: to look for garbage among first states, which stay, takes long (w9 first)
+        is_paused = False
         try:
             if self.asked == 1 and asked.individuals:
-                self._learn_neighborhoods(order, part)
+                is_paused = gc.isenabled() and asked.see_world_only and not asked.has_plans
+                if is_paused:
+                    gc.disable()  # NOTE: to look for garbage among first states, which stay, takes long (w9 first)
+                if not self._prepare_first(order, part) and is_paused:
+                    gc.enable()
             if observers or not asked.see_world_only:
                 self._ask_part(answers, part, self._observe_first(order, part, observers))
             elif asked.individuals:

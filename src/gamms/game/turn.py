@@ -21,7 +21,8 @@ from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, SlotMaker, own_copy
+from gamms.game.slots import AgentSlot, SlotMaker, Slots, own_copy
+from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.limits import GarbagePause
@@ -98,6 +99,8 @@ class TurnEngine(GameTurn):
         self._epoch = -1  # of the order
         self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
         self._kept_of: tuple[Any, ...] = ()  # what these orders depend on
+        self._all_slots: Slots | None = None  # of all agents, dead or alive
+        self._all_version = 0  # of the agents at that time
         self._counting = dict[int, TurnOrder]()  # by id, the orders with moves that are not in the counts of agents yet
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.departed_teams = Counter[Any]()
@@ -156,6 +159,10 @@ class TurnEngine(GameTurn):
         """
         key = *made_of, block.structure.others
         if key != self._kept_of:
+            self.update_counts()
+            before = self._all_slots if made_of == self._kept_of[:-1] else None
+            self._all_slots = self._slots.of_all(before, self._all_version)
+            self._all_version = block.structure.version
             self._kept.clear()
             self._kept_of = key
         lives = bytes(block.alive)
@@ -167,7 +174,7 @@ class TurnEngine(GameTurn):
                 slot.show_blocked()
             return order
         with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
-            order = self._new_order(block, made_of)
+            order = self._new_order(block)
         if (len(self._kept) + 1) * len(order.slots) > _MOST_KEPT:
             self._kept.clear()
         self._kept[lives] = order
@@ -181,20 +188,16 @@ class TurnEngine(GameTurn):
         """Return whether all facts are known to all agents."""
         return not (self.state.agent_facts or self.state.team_facts)
 
-    def _new_order(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
-        """Return a new order of turns; see `_get_order_key`."""
+    def _new_order(self, block: AgentBlock) -> TurnOrder:
+        """Return a new order of turns, of the agents that are alive now."""
         settings = self._settings
         refuse_unused(settings)
-        before = None if self._order_of != made_of else self.order_now
-        version = 0 if before is None else before.structure_version
-        slots, change = self._slots.of_living(None if before is None else before.slots, version)
+        assert self._all_slots is not None  # noqa: S101 - the agents are known
+        slots = self._all_slots.living(block)
         self.note_departed()
-        if change is None:
-            self.update_counts()
-        elif before is not None:  # the new order takes its counts over
-            self._counting.pop(id(before), None)
-        groups = self.groups if self.is_moving else settings.order
-        return TurnOrder(slots, block, settings, groups, before, change)
+        for slot in slots.made():
+            slot.show_blocked()
+        return TurnOrder(slots, block, settings, self.groups if self.is_moving else settings.order)
 
     def forget_plan(self) -> None:
         """Check what the plan depends on before the next turn, because other data than the agents may have changed."""
@@ -202,9 +205,14 @@ class TurnEngine(GameTurn):
 
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order whose agents are alive again."""
-        order.structure_version = self._ctx.agent.block.structure.version
+        structure = self._ctx.agent.block.structure
+        order.structure_version = structure.version
         self._use(order)
         self._order_of = self._get_order_key(order.block)
+        self._all_slots = order.slots.whole
+        self._all_version = structure.version
+        self._kept = {bytes(order.block.alive): order}
+        self._kept_of = *self._order_of, structure.others
         self._epoch = self.phase.epoch
         self.near = self._ctx.graph.graph.neighborhoods
 
@@ -626,11 +634,13 @@ class TurnEngine(GameTurn):
         losers = self._losers(order, (before, after), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
-    def _learn_neighborhoods(self, order: TurnOrder, part: TurnPart) -> None:
-        """Compute the neighborhoods of the nodes of all agents that are asked."""
+    def _prepare_first(self, order: TurnOrder, part: TurnPart) -> bool:
+        """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
         if hasattr(self.near, "learn"):  # that of a user's graph may be any mapping
             rows = order.selection.rows
             self.near.learn([order.block.node_of(rows[i]) for i in part.asked])
+        strategies = {id(one): one for one in self._ctx.agent.storage.strategies()}
+        return all(strategy_spec_of(one).core_steps is not None for one in strategies.values())
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
