@@ -15,7 +15,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, Slots
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import AgentSetChange, Selection
+from gamms.ir.columns import Selection
 from gamms.ir.graph import RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -190,8 +190,6 @@ class TurnOrder:
         block: the agents.
         settings: the settings of the game.
         order: the order of play: lists of teams that move simultaneously; None: all teams.
-        before: the order at an earlier time.
-        change: the agents that came, left or changed since then; None: this order does not follow from `before`.
 
     Attributes:
         slots, block: see the arguments.
@@ -226,8 +224,6 @@ class TurnOrder:
         block: AgentBlock,
         settings: Settings,
         order: Sequence[Sequence[Any]] | None,
-        before: "TurnOrder | None",
-        change: AgentSetChange | None,
     ) -> None:
         self.slots = slots
         self.block = block
@@ -256,17 +252,7 @@ class TurnOrder:
         self._moved: RowArray = np.zeros(len(slots), np.int32)  # the number of moves of each agent
         self.blocked: RowArray = np.zeros(len(slots), np.int32)
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
-        if before is not None and change is not None:
-            self._follow(before, change)
         self.moving = MovingAgents(block, self.selection.buffer, self._moved.data, self.blocked.data)
-
-    def _follow(self, before: "TurnOrder", change: AgentSetChange) -> None:
-        """Continue the counts of an earlier order for agents that remain."""
-        before._add_to_counts(change.gone)
-        new = np.zeros(len(change.rows), np.int32)
-        self._moved = change.of_array(before._moved, new)
-        self.blocked = change.of_array(before.blocked, new)
-        before.restart_counts()  # its agents may be those of a later turn again
 
     @property
     def names(self) -> list[str]:

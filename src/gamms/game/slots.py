@@ -193,7 +193,7 @@ class AgentSlot:
 
 
 class Slots(Sequence[AgentSlot]):
-    """The slots of the living agents in the order of names, each made on first use.
+    """The slots of all agents, or of the living ones, in the order of names, each made on first use.
 
     Args:
         agents: the agent engine. Any: its class cannot be imported here.
@@ -207,6 +207,7 @@ class Slots(Sequence[AgentSlot]):
 
     Attributes:
         idle, table: see the arguments.
+        has_made: whether any slot of all agents is made.
         selection, names, teams: the rows, names and teams of the agents.
         flying: the indices of agents that fly.
         paced: the indices of agents on the ground that may be on an edge.
@@ -225,14 +226,11 @@ class Slots(Sequence[AgentSlot]):
         change: AgentSetChange,
     ) -> None:
         block: AgentBlock = agents.block
-        kind = block.kind
-        has_speed = ~np.isnan(block.speed)
-        has_progress = ~np.isnan(block.share)
         selection = Selection([])
         names = list[str]()
         teams = list[Any]()
         made = list[AgentSlot | None]()
-        self._has_made: bool = before is not None and before._has_made
+        self.has_made: bool = before is not None and before.has_made
         if before is not None:
             selection = before.selection
             names = before.names
@@ -242,17 +240,9 @@ class Slots(Sequence[AgentSlot]):
         self.selection: Selection = selection.after(change)
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
         self._made: list[AgentSlot | None] = change.of(made, [None] * len(change.rows))
-        rows = self.selection.rows
-        self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
-        travels = settings.legal == "edges" and settings.speed_unit != "edges"
-        some = travels or has_speed.any() or has_progress.any()
-        self.paced = [
-            i
-            for i, row in enumerate(rows if some else ())
-            if not kind[row] and (travels or has_speed[row] or has_progress[row])
-        ]
-        are_slow = not travels and not any(has_speed[rows[i]] for i in self.paced)
-        self.are_plain = settings.legal == "edges" and not self.flying and are_slow
+        self._whole: Slots | None = None
+        self._at: Sequence[int] = range(len(self.names))
+        self._settings = settings
         self._agents = agents.storage
         self.idle = idle
         self.table = table
@@ -265,6 +255,45 @@ class Slots(Sequence[AgentSlot]):
         if before is not None and "keys" in before.__dict__:
             self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
 
+    @property
+    def whole(self) -> "Slots":
+        """The slots of all agents."""
+        return self if self._whole is None else self._whole
+
+    def living(self, block: AgentBlock) -> "Slots":
+        """Return the slots of those agents that are alive now; what is made here is made there, too."""
+        inactive = block.inactive
+        part = copy(self)
+        part._whole = self
+        part.__dict__.pop("keys", None)
+        if inactive:
+            rows = self.selection.rows
+            at = [i for i, row in enumerate(rows) if row not in inactive]
+            part._at = at
+            part.names = [self.names[i] for i in at]
+            part.teams = [self.teams[i] for i in at]
+            part.selection = Selection([rows[i] for i in at])
+        part._find_kinds(block)
+        return part
+
+    def _find_kinds(self, block: AgentBlock) -> None:
+        """Find the agents that fly, or may be on an edge."""
+        kind = block.kind
+        settings = self._settings
+        has_speed = ~np.isnan(block.speed)
+        has_progress = ~np.isnan(block.share)
+        rows = self.selection.rows
+        self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
+        travels = settings.legal == "edges" and settings.speed_unit != "edges"
+        some = travels or has_speed.any() or has_progress.any()
+        self.paced = [
+            i
+            for i, row in enumerate(rows if some else ())
+            if not kind[row] and (travels or has_speed[row] or has_progress[row])
+        ]
+        are_slow = not travels and not any(has_speed[rows[i]] for i in self.paced)
+        self.are_plain = settings.legal == "edges" and not self.flying and are_slow
+
     def _renumber(self, block: AgentBlock) -> None:
         """Update the rows of slots, after agents have left."""
         slots = self.made()
@@ -275,12 +304,13 @@ class Slots(Sequence[AgentSlot]):
         return len(self.names)
 
     def __getitem__(self, i: Any) -> Any:
-        slot = self._made[i]
+        at = self._at[i]
+        slot = self._made[at]
         if slot is None:
-            self._has_made = True
+            self.whole.has_made = True
             name = self.names[i]
             slot = self._make(name, self.departed.get(name))
-            self._made[i] = slot
+            self._made[at] = slot
         return slot
 
     def __iter__(self) -> Iterator[AgentSlot]:
@@ -295,7 +325,7 @@ class Slots(Sequence[AgentSlot]):
     @cached_property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
-        return kernels.name_keys(self.names)
+        return kernels.name_keys(self.names) if self._whole is None else self._whole.keys[self._at]
 
     def keys_of(self, indices: Sequence[int]) -> BitArray:
         """Return the keys of the agents at some indices."""
@@ -303,7 +333,7 @@ class Slots(Sequence[AgentSlot]):
 
     def at(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return the slots at some indices."""
-        slots = [self._made[i] for i in indices]
+        slots = [self._made[self._at[i]] for i in indices]
         return [self[i] if slot is None else slot for i, slot in zip(indices, slots, strict=True)]
 
     def counts_of(self, i: int) -> dict[str, int]:
@@ -312,8 +342,8 @@ class Slots(Sequence[AgentSlot]):
 
     def list_counts(self) -> None:
         """Add the agents whose slots are not made to the counts."""
-        for i, slot in enumerate(self._made):
-            if slot is None:
+        for i, at in enumerate(self._at):
+            if self._made[at] is None:
                 self.counts_of(i)
 
     @property
@@ -326,17 +356,17 @@ class Slots(Sequence[AgentSlot]):
 
     def made(self) -> list[AgentSlot]:
         """Return all slots made so far."""
-        return [slot for slot in self._made if slot is not None]
+        return [slot for at in self._at if (slot := self._made[at]) is not None]
 
     def set_blocked(self, i: int, why: str | None) -> None:
         """Set the reason in the state of an agent why its last action was not executed, if its slot is made."""
-        slot = self._made[i]
+        slot = self._made[self._at[i]]
         if slot is not None:
             slot.set_blocked(why)
 
     def show_blocked(self, indices: Sequence[int]) -> None:
         """Update the reasons in the states of agents whose slots are made."""
-        for slot in [self._made[i] for i in indices] if self._has_made else ():
+        for slot in [self._made[self._at[i]] for i in indices] if self.whole.has_made else ():
             if slot is not None:
                 slot.show_blocked()
 
@@ -384,10 +414,8 @@ class SlotMaker:
         self._settings = settings
         self._fork = fork
 
-    def of_living(self, before: Slots | None, version: int) -> tuple[Slots, AgentSetChange | None]:
-        """Return the slots of the living agents by name, and the change from the previous slots.
-
-        Previous slots are reused if they are still valid.
+    def of_all(self, before: Slots | None, version: int) -> Slots:
+        """Return the slots of all agents by name, dead or alive; previous slots are reused if they are still valid.
 
         Args:
             before: the slots of the game at an earlier time; None: there are none.
@@ -404,10 +432,10 @@ class SlotMaker:
             since = block.structure.since(version)
         if since is not None and before is not None:
             rows, closed = since
-            change = AgentSetChange(before.names, rows, block.names, block.inactive, closed)
+            change = AgentSetChange(before.names, rows, block.names, closed)
             known = {slot.name: slot for i in change.gone if (slot := before._made[i]) is not None}
         else:
-            change = AgentSetChange((), range(len(block)), block.names, block.inactive)
+            change = AgentSetChange((), range(len(block)), block.names)
             known = {} if before is None else {slot.name: slot for slot in before.made()}
         all_agents = agents.agents
         access_of = agents.storage.turn_access
@@ -432,7 +460,7 @@ class SlotMaker:
         slots = Slots(agents, self._settings, make, idle, self._state.counts, table, past, change)
         if known:
             slots.at([i for i in change.places if slots.names[i] in known])
-        return slots, None if since is None else change
+        return slots
 
 
 def _speed(agent: IAgent) -> float | None:

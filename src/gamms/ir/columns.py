@@ -166,13 +166,12 @@ class RowsByName:
 
 
 class AgentSetChange:
-    """How the living agents, sorted by name, differ from those of an earlier moment.
+    """How the agents, sorted by name, differ from those of an earlier moment.
 
     Args:
         before: names of the earlier agents.
         rows: rows that have changed since, and names of agents whose rows are gone.
         names: by row.
-        inactive: the rows of agents that are not alive.
         closed: lists of rows that were closed up since, in order.
 
     Attributes:
@@ -186,7 +185,6 @@ class AgentSetChange:
         before: Sequence[str],
         rows: Iterable[int | str],
         names: Sequence[str],
-        inactive: Collection[int],
         closed: Sequence[list[int]] = (),
     ) -> None:
         self.closed = closed
@@ -196,12 +194,12 @@ class AgentSetChange:
         changed |= {names[one]: one for one in noted if not isinstance(one, str)}
         ordered = sorted(changed)
         self.gone: list[int] = []
-        self.rows = [row for name in ordered if (row := changed[name]) is not None and row not in inactive]
+        self.rows = [row for name in ordered if (row := changed[name]) is not None]
         self._places = [] if before else [0] * len(self.rows)  # insert positions among the remaining agents
         for name in ordered if before else ():
             row = changed[name]
             i = bisect_left(before, name)
-            if row is not None and row not in inactive:
+            if row is not None:
                 self._places.append(i - len(self.gone))
             if i < len(before) and before[i] == name:
                 self.gone.append(i)
@@ -289,7 +287,7 @@ class Selection:
         self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 
     def after(self, change: AgentSetChange) -> Selection:
-        """Return the rows of the living agents after a change."""
+        """Return the rows of the agents after a change."""
         # NOTE: `array` exists if agents move as arrays (benchmarks: death, deletion).
         array = change.of_array(change.moved(self.array), change.rows)
         now = Selection(array.tolist() if change.closed else change.of(self.rows, change.rows))
