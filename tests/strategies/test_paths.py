@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.agent import AgentType
-from gamms.errors import NoPath
+from gamms.errors import BadType, NoPath
 from gamms.strategies import first, follow_path, goto, patrol, stay
 
 NODES = st.integers(0, 35)
@@ -203,3 +203,10 @@ def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
         with pytest.raises(TypeError, match=f"{make.__name__} moves along edges, but the agent at .* flies"):
             world.play()
         del world.agents[f"kite {i}"]
+
+
+@pytest.mark.parametrize("legal", [[2.0, 10.0], [None], ["2"], [2**70]])
+def test_a_state_whose_legal_nodes_are_none_is_refused_with_their_values(world, legal):
+    world.add("anna", 0, stay)
+    with pytest.raises(BadType, match=r"state\['legal'\] has ids of nodes, 64-bit integers, not \["):
+        goto(world.ctx, 8)({"name": "anna", "curr_pos": 0, "legal": legal, "sensor": {}})

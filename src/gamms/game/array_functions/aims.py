@@ -10,10 +10,11 @@ import numpy as np
 
 from gamms.arguments import as_array
 from gamms.core import routes as core
-from gamms.errors import NoPath
+from gamms.errors import BadType, NoPath
 from gamms.game.movement.one_edge import PacedMovement
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
 from gamms.typing.graph_engine import IGraph
 
 _FIRST = 1 << 32  # the number of the first action that is not the number of a legal node
@@ -44,12 +45,18 @@ def step_towards(
     Returns:
         A node id, maybe the agent's own; for an agent with a speed the nodes of the path, up to the first one out of
         reach, so that the rest of its metres is used next turn; None if there is no path.
+
+    Raises:
+        BadType: `legal` has values other than node ids.
     """
     if ends and is_allowed is None:
         return target if any(isfinite(graph.distance(end, target)) for end in ends) else None
     if target in legal and (is_allowed is None or is_allowed(target)):
         return target
-    ids: Any = array("q", legal)
+    try:
+        ids: Any = array("q", legal)
+    except (TypeError, OverflowError):
+        raise BadType(f"state['legal'] has ids of nodes, 64-bit integers, not {shown(legal)}.") from None
     path = [here]
     edges = 0
     steps = 0
