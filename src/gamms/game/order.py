@@ -207,7 +207,7 @@ class TurnOrder:
         plan: the phases of a turn; None: they are not known.
         acts, conflicts: whether rules act before the moves, and the conflicts, in this plan.
         ranked_by: the last conflicts in which the team of every agent has a rank.
-        in_rules: the last roster of the rules of the core, and the slot of each of its agents; -1: it has none.
+        in_rules: the rows of agents in the rules of the core, (agents,), and the slot of each; -1: it has none.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
