@@ -150,7 +150,7 @@ class DecidePhase(NotPickled):
     def refuse(self, action: str) -> None:
         """Raise IllegalMutation if a strategy is running, BadValue if another thread plays a turn.
 
-        Otherwise, make the end of the last turn if it is not made: the action may change what it depends on.
+        Otherwise, make the end of the last turn if it is not made, before the action changes its data.
         """
         if self.player is not None and self.player != get_ident() and self.agent is not AWAITED:
             raise BadValue(

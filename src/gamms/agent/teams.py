@@ -14,7 +14,7 @@ from gamms.arguments import as_array, as_bool, as_key, as_mapping, as_name, as_r
 from gamms.deciding import ContextPart, copied_part, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events
-from gamms.ir.agents import AgentBlock, as_speed
+from gamms.ir.agents import AgentBlock, read_speed
 from gamms.ir.columns import Selection, without
 from gamms.ir.graph import IntArray, as_node_ids
 from gamms.ir.obstacles import BoolArray
@@ -285,7 +285,7 @@ class Team(ContextPart):
         members = self._members
         try:
             if column == "speed":
-                values = np.array([*map(as_speed, self._of_block(column), self._of_block("has_int_speed"))])
+                values = np.array([*map(read_speed, self._of_block(column), self._of_block("has_int_speed"))])
             elif column in _OF_BLOCK:
                 values = np.array(self._of_block(column))
             elif column in members.columns:

@@ -68,7 +68,7 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
     if known is not None:
         known.make_last_turn(is_replaced=is_known)
     try:
-        with GarbagePause():  # NOTE: here and below: what is made stays (w9 alone)
+        with GarbagePause():  # NOTE: new objects stay, here and below, so none is garbage (w9 alone)
             if known is not None and is_known:
                 known.read()
                 return known

@@ -261,7 +261,7 @@ class Slots(Sequence[AgentSlot]):
         return self if self._whole is None else self._whole
 
     def living(self, block: AgentBlock) -> "Slots":
-        """Return the slots of those agents that are alive now; what is made here is made there, too."""
+        """Return the slots of the agents that are alive now; a slot that is made in one of them is made in all."""
         inactive = block.inactive
         part = copy(self)
         part._whole = self
@@ -414,7 +414,7 @@ class SlotMaker:
         self._settings = settings
         self._fork = fork
 
-    def of_all(self, before: Slots | None, version: int) -> Slots:
+    def make_all(self, before: Slots | None, version: int) -> Slots:
         """Return the slots of all agents by name, dead or alive; previous slots are reused if they are still valid.
 
         Args:

@@ -161,7 +161,7 @@ class TurnEngine(GameTurn):
         if key != self._kept_of:
             self.update_counts()
             before = self._all_slots if made_of == self._kept_of[:-1] else None
-            self._all_slots = self._slots.of_all(before, self._all_version)
+            self._all_slots = self._slots.make_all(before, self._all_version)
             self._all_version = block.structure.version
             self._kept.clear()
             self._kept_of = key

@@ -586,15 +586,15 @@ def _numbers_of(graph: NodeFinder | None, name: str) -> NodeNumbers:
 
 def speed_of(block: AgentBlock, row: int) -> float | None:
     """Return the speed of an agent, as an integer if it was set to one; None: it has none."""
-    return as_speed(block.speed[row], block.has_int_speed[row])
+    return read_speed(block.speed[row], block.has_int_speed[row])
 
 
 def speeds_of(games: Block) -> list[float | None]:
     """Return the speeds of all agents; see `speed_of`."""
-    return [*map(as_speed, games.row("speed"), games.row("has_int_speed"))]
+    return [*map(read_speed, games.row("speed"), games.row("has_int_speed"))]
 
 
-def as_speed(number: float, is_int: bool) -> float | None:
+def read_speed(number: float, is_int: bool) -> float | None:
     """Return a speed as Python reads it, from the columns `speed` and `has_int_speed`."""
     if isnan(number):
         return None

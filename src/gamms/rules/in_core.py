@@ -153,7 +153,6 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     bases = making.rows([*flags.bases.values()])
     home = np.full(len(roster.teams), -1)
     home[owners[owners >= 0]] = bases[owners >= 0]
-    nobody = number_of.get(None, -1)
 
     def ground() -> IntArray:
         return np.where(making.roster.flies, -1, making.roster.team_of)
@@ -166,14 +165,14 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         base=flat(bases, np.int64),
         home=flat(home, np.int64),
         owners=making.owners(flags.ground),
-        takes=making.by_agent(lambda: np.where(ground() == nobody, -1, ground()), absent=-1),
+        takes=making.list_by_agent(lambda: np.where(ground() == roster.nobody, -1, ground()), absent=-1),
         names=_keys(making),
         purposes=making.purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),
         starts=memory_of(making.home),
-        members=making.by_agent(ground, absent=-1),
+        members=making.list_by_agent(ground, absent=-1),
         taken=floats(len(flags.bases)),
         goal=flags.goal or 0,
         points=flags.score,
@@ -254,7 +253,7 @@ def reach(
         making.number(CompiledRule(score or None, winner=winner)),
         visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
-        starters=making.by_agent(are_starters, width=len(roster.teams)) if starters else _NOTHING,
+        starters=making.list_by_agent(are_starters, width=len(roster.teams)) if starters else _NOTHING,
         order=flat(np.array(order, np.int64), np.int64),
         winner=rules.WINNERS["its team" if winner is ONE_THAT_SHOWS else "nobody"],
         points=score,
@@ -270,7 +269,7 @@ def arrive(
     starters = _NOTHING
     rows = np.zeros(0, np.int64)
     if isinstance(goal, str):
-        starters = making.by_agent(_starters(goal, making))
+        starters = making.list_by_agent(_starters(goal, making))
     else:
         rows = making.rows(sorted(goal))
     owners = np.full(making.num_nodes, -1)
@@ -300,7 +299,7 @@ def _starters(team: str, making: RuleBuilder) -> Callable[[], BoolArray]:
 
 def _keys(making: RuleBuilder) -> Any:
     """Return the hashes of the agents' names, (room,)."""
-    return making.by_agent(lambda: making.roster.keys, np.uint64)
+    return making.list_by_agent(lambda: making.roster.keys, np.uint64)
 
 
 def last_team(making: RuleBuilder) -> rules.Rule:

@@ -143,7 +143,7 @@ class Roster:
         self.home = home.reshape(1, self.room)
         self.turn = column("q", [0])
         self.placed: Any = memoryview(bytearray(self.room))
-        rows, names, teams = _by_name(block)
+        rows, names, teams = _sort_by_name(block)
         self._all_teams = tuple(dict.fromkeys([*teams, *gone]))
         self._score = column("d", [0.0] * len(self._all_teams))
         self.games = rules.GameColumns(
@@ -168,7 +168,7 @@ class Roster:
 
     def follow(self, block: AgentBlock, gone: Collection[Hashable]) -> bool:
         """Take the present agents of a block; return False if they have other teams, or there is no room for them."""
-        rows, names, teams = _by_name(block)
+        rows, names, teams = _sort_by_name(block)
         if len(rows) > self.room or {*self._all_teams} != {*teams, *gone}:
             return False
         self._take(block, rows, names, teams)
@@ -225,7 +225,7 @@ class Roster:
         return found
 
 
-def _by_name(block: AgentBlock) -> tuple[list[int], list[str], list[Hashable]]:
+def _sort_by_name(block: AgentBlock) -> tuple[list[int], list[str], list[Hashable]]:
     """Return the rows, the names and the teams of the agents of a block, in the order of names."""
     removed = {*block.removed}
     rows = sorted((row for row in range(len(block)) if row not in removed), key=block.names.__getitem__)
@@ -286,7 +286,7 @@ class GameRules(RuleBuilder):
             for function in known.on_changed_agents:
                 function()
 
-    def by_agent(
+    def list_by_agent(
         self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
     ) -> Any:
         """Return an array (room * width,) of values that depend on the agents, kept up to date; see `follow_agents`."""
@@ -809,6 +809,7 @@ class GameContacts(MovesForRules):
         numbers = self.edge_numbers
         if len(known.firsts) < numbers.count:
             known = known.reserve(numbers.room)
+            self._known_lines = known
         new = sorted({*edges[known.firsts[edges] < 0].tolist()})
         if new:
             self._known_lines = known.place(new, [self._line_of(numbers.ids[number]) for number in new])

@@ -60,7 +60,7 @@ def lock(arrays: Iterable[Column]) -> None:
             array.setflags(write=False)
 
 
-def as_index(games: IntArray) -> IntArray | slice:
+def index_games(games: IntArray) -> IntArray | slice:
     """Return the same games as an index of arrays: as a slice if they follow each other, which NumPy writes faster."""
     if len(games) and games[-1] - games[0] == len(games) - 1 and (np.diff(games) == 1).all():
         return slice(int(games[0]), int(games[-1]) + 1)
@@ -454,11 +454,9 @@ def starts_of(game: PlayedGame) -> Mapping[str, int | Position]:
     """Return name -> the start of an agent, a node id or (x, y, z), or its present place if the game has not begun."""
     known = game.internals.starts
     agents = game.ctx.agent.agents
-    return (
-        known
-        if known.keys() >= agents.keys()
-        else {name: game.internals.start_of(agent) for name, agent in agents.items()}
-    )
+    if known.keys() >= agents.keys():
+        return known
+    return {name: game.internals.start_of(agent) for name, agent in agents.items()}
 
 
 def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:

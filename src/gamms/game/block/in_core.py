@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, Failure, PlayedGame, as_index, decider_of, kept_in
+from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of, index_games, kept_in
 from gamms.game.block.scores import fits_float
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose
 from gamms.game.block.strategy_steps import (
@@ -153,7 +153,7 @@ class RuleBuilder(ABC):
         """The agents."""
 
     @abstractmethod
-    def by_agent(
+    def list_by_agent(
         self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
     ) -> Any:
         """Return an array (room * width,) of values that depend on the agents.
@@ -182,7 +182,7 @@ class RuleBuilder(ABC):
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
         """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
-        return self.by_agent(lambda: self.roster.plays_for(teams) & (air | ~self.roster.flies))
+        return self.list_by_agent(lambda: self.roster.plays_for(teams) & (air | ~self.roster.flies))
 
     def sides(self, ours: object, theirs: object, *, air: bool) -> Any:
         """Return the sides of agents, (agents,), for `contacts.Tracks`."""
@@ -191,7 +191,7 @@ class RuleBuilder(ABC):
             both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
             return both[0] + 2 * both[1]
 
-        return self.by_agent(values)
+        return self.list_by_agent(values)
 
     def team(self, team: Hashable) -> int:
         """Return the number of a team; -1: no agent plays for it."""
@@ -229,7 +229,7 @@ class RuleBuilder(ABC):
     # The following methods do nothing for batches, whose columns hold what the rules read.
 
     def read_starts(self, agents: Callable[[], BoolArray]) -> None:  # noqa: B027
-        """Note that a rule reads the start nodes of some agents, (agents,), in `home`; see `by_agent`."""
+        """Note that a rule reads the start nodes of some agents, (agents,), in `home`; see `list_by_agent`."""
 
     def read_scores(self) -> None:  # noqa: B027
         """Note that a rule reads the scores of the teams."""
@@ -293,7 +293,7 @@ class BatchRules(RuleBuilder):
         """The agents."""
         return self.state.roster
 
-    def by_agent(
+    def list_by_agent(
         self,
         values: Callable[[], NumberArray],
         kind: type[np.generic] = np.int64,
@@ -428,7 +428,7 @@ class CoreColumns:
 
     def begin(self, games: IntArray) -> None:
         """Begin games, whose agents have not moved."""
-        those = as_index(games)
+        those = index_games(games)
         self.start[those] = self._state.node[those]
         self.went[those] = self._state.node[those]
         self.takes_part[those] = 0

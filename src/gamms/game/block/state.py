@@ -14,7 +14,7 @@ from gamms import kernels
 from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import AgentTable, Failure, GameLog, as_index
+from gamms.game.block.columns import AgentTable, Failure, GameLog, index_games
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog
 from gamms.game.block.scores import Scores
 from gamms.game.decisions import COUNT_OF
@@ -385,7 +385,7 @@ class GameArrays:
             if self.headings[game]:
                 self.headings[game] = {}
             self.over[game] = None
-        those = as_index(games)
+        those = index_games(games)
         self.start[those] = np.where(self.roster.is_first, start, -1)
         self.node[those] = start
         self.previous[those] = start
