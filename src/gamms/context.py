@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
 from gamms.compat import Surface, part_with
-from gamms.deciding import DecidePhase, Guarded, add_copies, refused_while_deciding
+from gamms.deciding import DecidePhase, Guarded, add_copies, leaving_last_turn, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.readonly import NotPickled
 from gamms.text import printable, shown
@@ -133,7 +133,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
     def visual_engine(self) -> Any:
         """The visual engine, settable; a `NoEngine` is created on first access if none was chosen."""
         if self._visual_engine is None and self._shows_nothing:
-            with self._phase.suspended():
+            with self._phase.suspended(changes_world=False):
                 self._visual_engine = visual.NoEngine(self)
         return self._visual_engine
 
@@ -251,12 +251,12 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 
-    @refused_while_deciding
+    @leaving_last_turn
     def rng_state(self) -> Any:
         """Return the state of `rng`; None before its first use."""
         return None if self._rng is None else self._rng.bit_generator.state
 
-    @refused_while_deciding
+    @leaving_last_turn
     def stream(self, *names: str | int) -> "Generator":
         """Return the random stream of one purpose; it depends only on the seed and the names.
 

@@ -48,8 +48,8 @@ class DecidePhase(NotPickled):
         agent: the agent whose strategy is running, or `Deciders`; AWAITED: asyncio tasks decide, each for the agents
             set by `decide_in_this_task`; None, UNREAD: no strategy is running. Any: the class depends on the agent
             engine.
-        read_turn: if `agent` is UNREAD, makes the states of agents, the data of their sensors, and the moves of the
-            last turn.
+        read_turn: if `agent` is UNREAD, makes the states of agents, and the data of their sensors, of the last turn.
+        are_moves_unread: whether it makes the moves of that turn, too.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
         epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
@@ -66,8 +66,8 @@ class DecidePhase(NotPickled):
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "before_reading", "created", "epoch", "known_names", "moment", "owner_changes"),
-        *("player", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("agent", "agent_kinds", "are_moves_unread", "before_reading", "created", "epoch", "known_names", "moment"),
+        *("owner_changes", "player", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -77,6 +77,7 @@ class DecidePhase(NotPickled):
     def __init__(self) -> None:
         self.agent: Any = None
         self.read_turn: Callable[[], None] | None = None
+        self.are_moves_unread = False
         self.moment: object = None
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
@@ -121,9 +122,15 @@ class DecidePhase(NotPickled):
         """Whether a strategy or a plan is running."""
         return self.agent is not None and self.agent is not UNREAD
 
-    def leave_unread(self, read_turn: Callable[[], None] | None) -> None:
-        """Make the end of the last turn when it is read first, or before anything changes; None: it is forgotten."""
+    def leave_unread(self, read_turn: Callable[[], None] | None, *, with_moves: bool = False) -> None:
+        """Make the end of the last turn when it is read first, or before anything changes; None: it is forgotten.
+
+        Args:
+            read_turn: makes it.
+            with_moves: whether the moves of the turn are made, too, so that other engines may not even look before.
+        """
         self.read_turn = read_turn
+        self.are_moves_unread = with_moves
         if read_turn is not None:
             self.agent = UNREAD
         elif self.agent is UNREAD:
@@ -135,6 +142,17 @@ class DecidePhase(NotPickled):
         if read_turn is not None:
             self.leave_unread(None)
             read_turn()
+
+    @contextmanager
+    def keeping_unread(self) -> Iterator[None]:
+        """Let verbs change something of which the last turn was made, as far as it depends on that."""
+        agent = self.agent
+        if agent is UNREAD:
+            self.agent = None
+        try:
+            yield
+        finally:
+            self.agent = agent
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""
@@ -152,12 +170,9 @@ class DecidePhase(NotPickled):
 
         Otherwise, make the end of the last turn if it is not made, before the action changes its data.
         """
-        if self.player is not None and self.player != get_ident() and self.agent is not AWAITED:
-            raise BadValue(
-                f"Another thread plays a turn of this game right now: it is too early to {action}. Use a context in "
-                "one thread at a time, or make one for each thread."
-            )
-        self.read_last_turn()
+        self.refuse_other_threads(action)
+        if self.agent is UNREAD:
+            self.read_last_turn()
         if self.agent is not None:
             deciders = self._deciders()
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
@@ -167,6 +182,25 @@ class DecidePhase(NotPickled):
                 "anything else belong in a rule: ctx.game.add(rule)."
             )
 
+    def refuse_look(self, action: str) -> None:
+        """Do as `refuse` for an action of other engines on which the states of the last turn do not depend."""
+        if self.is_deciding or self.are_moves_unread:
+            self.refuse(action)
+        self.refuse_other_threads(action)
+
+    def read_moves(self) -> None:
+        """Make the moves of the last turn, unless they are made."""
+        if self.are_moves_unread:
+            self.read_last_turn()
+
+    def refuse_other_threads(self, action: str) -> None:
+        """Raise BadValue if another thread plays a turn."""
+        if self.player is not None and self.player != get_ident() and self.agent is not AWAITED:
+            raise BadValue(
+                f"Another thread plays a turn of this game right now: it is too early to {action}. Use a context in "
+                "one thread at a time, or make one for each thread."
+            )
+
     def shown(self, value: T) -> T:
         """The value; while a strategy is running, a read-only copy of it."""
         return cast("T", frozen(value)) if self.is_deciding else value
@@ -174,7 +208,10 @@ class DecidePhase(NotPickled):
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
         """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code."""
-        self.read_last_turn()
+        self.read_moves()
+        if changes_world and not self.is_deciding:
+            yield
+            return
         agent = self.agent
         self.agent = None
         if changes_world:
@@ -182,7 +219,7 @@ class DecidePhase(NotPickled):
         try:
             yield
         finally:
-            self.agent = agent
+            self.agent = None if agent is UNREAD and self.read_turn is None else agent
 
 
 UNDECIDED = DecidePhase()  # the phase of objects without a context, in which no agent ever decides
@@ -264,8 +301,11 @@ def refused_while_deciding(method: Method) -> Method:
     return _guarded(method, makes_last_turn=True)
 
 
-def replacing_last_turn(method: Method) -> Method:
-    """Refuse a verb while a strategy is running; the end of the last turn is not made for it: it is replaced."""
+def leaving_last_turn(method: Method) -> Method:
+    """Refuse a verb while a strategy is running; the end of the last turn is not made for it.
+
+    The verb replaces it, or neither reads nor changes what it depends on.
+    """
     return _guarded(method, makes_last_turn=False)
 
 
@@ -273,8 +313,12 @@ def _guarded(method: Method, *, makes_last_turn: bool) -> Method:
     @wraps(method)
     def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase
-        if (phase.agent is not None and (makes_last_turn or phase.is_deciding)) or phase.player is not None:
-            phase.refuse(f"call {self._called}.{method.__name__}")
+        if phase.agent is not None or phase.player is not None:
+            action = f"call {self._called}.{method.__name__}"
+            if makes_last_turn or phase.is_deciding:
+                phase.refuse(action)
+            else:
+                phase.refuse_other_threads(action)
         try:
             return method(self, *args, **kwargs)
         except TypeError as error:

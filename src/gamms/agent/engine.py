@@ -101,7 +101,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def block(self) -> AgentBlock:
         """The rows of the agents, for other engines; not for strategies."""
         if self._phase.agent is not None:
-            self._phase.refuse("use ctx.agent.block")
+            self._phase.refuse_look("use ctx.agent.block")
         if self._block.removed:
             self._close_up()
         return self._block
@@ -109,7 +109,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     @property
     def storage(self) -> "AgentStorage":
         """Operations of other engines on all agents at once; not for strategies."""
-        self._phase.refuse("use ctx.agent.storage")
+        self._phase.refuse_look("use ctx.agent.storage")
         return self._storage
 
     @property
@@ -117,7 +117,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         """The positions of all agents; not for strategies. Get it again after agents were created or deleted."""
         # NOTE: read after every single move in the paper's loop (benchmarks: sense).
         if self._phase.agent is not None:
-            self._phase.refuse("use ctx.agent.positions")
+            self._phase.refuse_look("use ctx.agent.positions")
         if self._block.removed:
             self._close_up()
         return self._positions

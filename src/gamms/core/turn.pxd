@@ -4,8 +4,10 @@ from gamms.core cimport arrivals, conflicts, moves, rules
 from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask cimport ask_each
 from gamms.core.conflicts cimport Contests, MoveRequests
+from gamms.core.moves cimport OneEdgeMovers
 from gamms.core.rules cimport Events, GameColumns, Rule
 
+ctypedef unsigned char u8
 ctypedef long long i64
 
 
@@ -78,11 +80,28 @@ cdef class TurnDriver:
     cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
 
 
+cdef class ShippedDecisions:
+    cdef public GameColumns games
+    cdef public OneEdgeMovers movers
+    cdef const i64[::1] rows, places, ids
+    cdef readonly bint remembers
+
+    @cython.locals(games=GameColumns, i=i64, number=i64, place=i64, slot=i64, is_alive=bint)
+    cpdef bint decide(self, AgentColumns columns, const u8[::1] lives, i64 turn, MoveColumns to) except -1
+
+
+@cython.final
+cdef class UnreadStates:
+    cdef readonly object order, part, blocked
+    cdef readonly bytes memory
+    cdef readonly i64 turn
+
+
 @cython.final
 cdef class PartInCore:
     cdef readonly list individuals, sensors, numbers, looks
     cdef readonly MovingAgents moving
-    cdef i64 count, version
+    cdef readonly i64 count, version
     cdef readonly bint has_starts, see_world_only, has_plans, is_paced, is_all_ground
     cdef readonly object ground
 
@@ -116,8 +135,15 @@ cdef class GameTurn(TurnDriver):
     cdef public list observers
     cdef public Answers answers
     cdef public i64 asked, seed_changes
-    cdef public bint is_deciding, is_moving
+    cdef public bint is_deciding, is_moving, makes_states
+    cdef public ShippedDecisions shipped
+    cdef public tuple shipped_of
+    cdef public i64 look_again, ask_until, asks_for
+    cdef public object revised, reader
+    cdef public UnreadStates unread
 
+    @cython.locals(shipped=ShippedDecisions, asked=PartInCore, to=MoveColumns, both=object)
+    cpdef bint decide_in_core(self, object order, object part) except -1
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)

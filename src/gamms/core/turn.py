@@ -30,6 +30,7 @@ in phases of their own instead of the first, `arrivals.play_phase`.
 from __future__ import annotations
 
 import gc
+from threading import get_ident
 from time import perf_counter
 from typing import Any
 
@@ -51,6 +52,8 @@ except ImportError:  # Cython is not needed to run the text
 DECIDE = 0
 SETTLE = 1
 MOVE = 2
+MOST_ASKED = 63  # turns for which agents are asked after the states of a turn were read
+NOT_ASKED = -1  # instead of the version of the sensors: agents are not asked one by one
 PHASES = (DECIDE, SETTLE, MOVE)
 """What `play_phases` plays, besides the phases of `arrivals`."""
 
@@ -380,6 +383,95 @@ class TurnDriver:
 # -- turns of one game ---------------------------------------------------------------------------------------------
 
 
+class ShippedDecisions:
+    """The decisions of the agents of one game, if the core has the strategies of all of them.
+
+    A subclass keeps what they remember.
+
+    Attributes:
+        games: the columns of all agents, by name, dead or alive.
+        movers: decides for them.
+        rows: (agents,) the row of each agent in the block.
+        places: (numbers,) the place of each node on the map, by its number in the block; -1: it is not on the map.
+        ids: (places,) the id of each node on the map.
+        remembers: whether some strategies have memories.
+    """
+
+    def __init__(
+        self,
+        games: GameColumns,
+        movers: moves.OneEdgeMovers,
+        rows: memoryview[int],
+        places: memoryview[int],
+        ids: memoryview[int],
+        *,
+        remembers: bool,
+    ) -> None:
+        self.games = games
+        self.movers = movers
+        self.rows = rows
+        self.places = places
+        self.ids = ids
+        self.remembers = remembers
+
+    def take_memories(self, *, are_known: bool) -> bool:
+        """Prepare the memories for a turn; return False if one has a form that strategies do not write.
+
+        Args:
+            are_known: whether they are as after the last turn that was decided here; else they are read from the game.
+        """
+        raise NotImplementedError
+
+    def show_memories(self, *, of_start: bool) -> None:
+        """Show the memories in the game, or what they were before the last turn."""
+        raise NotImplementedError
+
+    def decide(self, columns: AgentColumns, lives: memoryview[int], turn: int, to: MoveColumns) -> bool:
+        """Write where the living agents go, in the order of their names; return False if one is not on the map.
+
+        Args:
+            columns: the agents.
+            lives: (agents,) whether the agent of each row is alive.
+            turn: the number of turns played.
+            to: receives the ends of moves.
+        """
+        games = self.games
+        for i in range(games.agents):
+            number = columns._nodes[self.rows[i]]
+            place = self.places[number] if number < len(self.places) else -1
+            is_alive = lives[self.rows[i]]
+            if place < 0 and is_alive:
+                return False
+            games.node[i] = max(place, 0)
+            games.alive[i] = is_alive
+        games.turn[0] = turn
+        self.movers.decide(games, 0)
+        slot = 0
+        for i in range(games.agents):
+            if games.alive[i]:
+                to.ends[slot] = self.ids[self.movers.ends[i]]
+                slot += 1
+        return True
+
+
+class UnreadStates:
+    """The start of a turn whose states of agents were not made, because the core has decided.
+
+    Attributes:
+        order, part: the agents.
+        memory: the columns of the agents.
+        turn: the number of turns played.
+        blocked: why earlier actions of agents were not executed; None: all were.
+    """
+
+    def __init__(self, order: Any, part: Any, memory: bytes, turn: int, blocked: Any) -> None:
+        self.order = order
+        self.part = part
+        self.memory = memory
+        self.turn = turn
+        self.blocked = blocked
+
+
 class PartInCore:
     """The agents of a part of a turn that are asked one by one, and the agents that move.
 
@@ -545,10 +637,28 @@ class GameTurn(TurnDriver):
         conflicting: the agents in the form of the core, if ranks decide conflicts; None: they are not known.
         whole: the moves of the parts of the turn that were played.
         make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
+        shipped: decides for all agents in the core; None: they are asked one by one.
+        shipped_of: the epoch, the changes of the seed, and the revision of the map at which `shipped` was found.
+        look_again: the turn in which it is looked for again if it is None.
+        makes_states: whether agents are asked in any case, so that their states are made.
+        ask_until: the turn until which agents are asked all the same, because the states of turns are read.
+        asks_for: the number of turns for which that was last done.
+        revised: the object that counts the changes of the map.
+        unread: the start of the last turn if its states were not made; None: they were, or are not wanted.
+        reader: `make_states`, as `DecidePhase.read_turn`.
     """
 
     def __init__(self, phase: Any, state: Any, make_moves: Any) -> None:
         super().__init__(phase)
+        self.shipped: ShippedDecisions | None = None
+        self.shipped_of: tuple[int, int, Any] = -1, -1, None
+        self.look_again = 0
+        self.makes_states = False
+        self.ask_until = 0
+        self.asks_for = 0
+        self.revised: Any = None
+        self.unread: UnreadStates | None = None
+        self.reader: Any = self.make_states
         self.state = state
         self.make_moves = make_moves
         self.near: Any = {}
@@ -597,6 +707,14 @@ class GameTurn(TurnDriver):
         """Move agents on removed edges to the node that they passed last."""
         raise NotImplementedError
 
+    def _show_row(self, order: Any, memory: bytes, turn: int, blocked: Any) -> None:
+        """Show the game of another moment: the number columns of the agents, and why they are blocked."""
+        raise NotImplementedError
+
+    def _find_shipped(self, order: Any) -> None:
+        """Set `shipped` and `look_again` for the agents of an order."""
+        raise NotImplementedError
+
     def _prepare_first(self, order: Any, part: Any) -> bool:
         """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
         raise NotImplementedError
@@ -641,9 +759,11 @@ class GameTurn(TurnDriver):
         """Let all agents observe, decide and move, without what comes before and after; the turn is not counted."""
         plan = self.plan()
         self.begin_moves(plan)
+        self.makes_states = True
         try:
             self.play_moves(plan)
         finally:
+            self.makes_states = False
             self.end_moves()
         return 0
 
@@ -715,7 +835,9 @@ class GameTurn(TurnDriver):
         same state even though each observes just before it decides. If a sensor may look at more than the world, all
         agents observe first.
         """
-        answers = self.decide(order, part, observers, paths)
+        answers = self.answers
+        if observers or paths is not None or not self.decide_in_core(order, part):
+            self.decide(order, part, observers, paths)
         blocked = self.state.blocked
         if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
             self._publish(order, part, answers)
@@ -723,15 +845,105 @@ class GameTurn(TurnDriver):
             answers.ends_to_write()
         return self.make_moves(order, answers.starts, answers.ends, answers.actions, answers.moves, answers.paths)
 
+    def decide_in_core(self, order: Any, part: Any) -> bool:
+        """Let the core decide for the agents of a part; return False if it does not have all their strategies.
+
+        Their states are made when one is read; see `make_states`.
+        """
+        phase = self.phase
+        state = self.state
+        if self.makes_states or state.turn < self.ask_until:
+            return False
+        of = phase.epoch, self.seed_changes, None if self.revised is None else self.revised.revision
+        if of != self.shipped_of or (self.shipped is None and state.turn >= self.look_again):
+            self._find_shipped(order)
+            self.shipped_of = of
+        shipped = self.shipped
+        if shipped is None:
+            return False
+        is_unread = phase.read_turn is self.reader
+        if is_unread:
+            self.asks_for = 0
+        if shipped.remembers and not shipped.take_memories(are_known=is_unread):
+            return False
+        asked = part.in_core
+        if asked is None:
+            asked = part.prepare(order, NOT_ASKED)
+            part.in_core = asked
+        both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
+        starts = both[: asked.count]
+        ends = both[asked.count :]
+        to = MoveColumns(starts, ends)
+        asked.moving.begin(to)
+        block = order.block
+        if not shipped.decide(block, block.alive.cast("B"), state.turn, to):
+            return False
+        self.answers.begin(order.slots, starts, ends, to)
+        if shipped.remembers and block.is_noting:
+            shipped.show_memories(of_start=False)
+        blocked = state.blocked
+        before = blocked.copied() if blocked.known or blocked.stopped else None
+        self.unread = UnreadStates(order, part, bytes(block.games.memory), state.turn, before)
+        phase.leave_unread(self.reader)
+        return True
+
+    def make_states(self, part: Any = None) -> None:
+        """Make the states of agents, and the data of their sensors, of the last turn that the core has decided.
+
+        Args:
+            part: the only agents whose states are made now; None: all.
+        """
+        unread = self.unread
+        if unread is None:
+            return
+        phase = self.phase
+        state = self.state
+        order = unread.order
+        if part is None:
+            # NOTE: deciding twice takes longer, so programs that read every turn do without (benchmarks: turns).
+            self.asks_for = min(2 * self.asks_for + 1, MOST_ASKED)
+            self.ask_until = unread.turn + 1 + self.asks_for
+        self.unread = None
+        phase.leave_unread(None)
+        now = bytes(order.block.games.memory), state.turn, state.blocked
+        player = phase.player
+        try:
+            phase.player = get_ident()
+            if self.shipped is not None and self.shipped.remembers:
+                self.shipped.show_memories(of_start=True)
+            self._show_row(order, unread.memory, unread.turn, unread.blocked)
+            order.slots.table.begin_again()
+            self.decide(order, unread.part if part is None else part)
+        finally:
+            phase.player = player
+            self._show_row(order, *now)
+            if part is not None:
+                self.unread = unread
+                phase.leave_unread(self.reader)
+                if self.shipped is not None and self.shipped.remembers and order.block.is_noting:
+                    self.shipped.show_memories(of_start=False)
+
+    def forget_states(self) -> None:
+        """Do not make the states of the last turn, which others replace."""
+        unread = self.unread
+        self.unread = None
+        if self.phase.read_turn is self.reader:
+            self.phase.leave_unread(None)
+            if unread is not None and self.shipped is not None and self.shipped.remembers:
+                self.shipped.show_memories(of_start=False)
+
     def decide(self, order: Any, part: Any, observers: Any = (), paths: Any = None) -> Any:
         """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
         phase = self.phase
         answers = self.answers
+        if phase.read_turn is not None:
+            self.forget_states()
         if order.block.flyers:
             order.block.locate()  # the nodes below
         asked = part.in_core
         if asked is None or asked.version != phase.sensor_changes:
             asked = part.prepare(order, phase.sensor_changes)
+            part.in_core = asked
         if asked.has_starts:
             both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
             starts = both[: asked.count]
@@ -800,7 +1012,7 @@ class GameTurn(TurnDriver):
         part = order.parts[number]
         moving = part.in_core
         if moving is None:
-            moving = part.prepare(order, self.phase.sensor_changes)
+            moving = part.prepare(order, NOT_ASKED)
         block = order.block
         ends = moves.ends
         block.move_all(moving.ground, ends if moving.is_all_ground else part.of_ground(ends))

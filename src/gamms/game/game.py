@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, names_keywords
 from gamms.compat import Surface
-from gamms.deciding import phase_of, refused_while_deciding, replacing_last_turn
+from gamms.deciding import leaving_last_turn, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
@@ -79,7 +79,7 @@ class Game(Surface, RuleVerbs):
     def internals(self) -> GameInternals:
         """The interface for engines and clients; not for strategies."""
         if self._phase.agent is not None and not getattr(self._phase.agent, "is_maker", False):
-            self._phase.refuse("use ctx.game.internals")
+            self._phase.refuse_look("use ctx.game.internals")
         return self._internals
 
     # -- rules, plans and collectors ------------------------------------------------------------------------------
@@ -202,8 +202,9 @@ class Game(Surface, RuleVerbs):
             IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         # NOTE: without the decorator: a turn of two agents takes 10 us (benchmarks: turns).
-        if self._phase.agent is not None or self._phase.player is not None:
-            self._phase.refuse("call ctx.game.step")
+        phase = self._phase
+        if phase.agent is not None or phase.player is not None:
+            phase.refuse_look("call ctx.game.step")
             self._refuse_in_turn("step")
         return self._take_turn()
 
@@ -226,6 +227,10 @@ class Game(Surface, RuleVerbs):
             self._ruleset.check_new()
         if not state.has_begun:
             self._begin()
+        if self._turns.find_shipped is None:
+            from gamms.game.native import ShippedFinder  # to import a game takes no longer
+
+            self._turns.find_shipped = ShippedFinder(self).find
         if self._turns.prepared != self._phase.strategy_changes:
             self._prepare_strategies()
         if self._unchecked_plans:
@@ -284,7 +289,7 @@ class Game(Surface, RuleVerbs):
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
 
-    @replacing_last_turn
+    @leaving_last_turn
     @names_keywords
     def run(
         self,
@@ -323,7 +328,8 @@ class Game(Surface, RuleVerbs):
         scored = set(self._state.scores)
         with ExitStack() as stack:
             stack.callback(self._leave_last_turn)
-            self._phase.leave_unread(None)  # the run may replace it, see `native`
+            if self._phase.are_moves_unread:
+                self._phase.leave_unread(None)  # the run may replace it, see `native`
             self._internals.warn_of_idle_teams()
             if record is not None:
                 if self._in_core is not None:
@@ -369,13 +375,14 @@ class Game(Surface, RuleVerbs):
     def _leave_last_turn(self) -> None:
         """Let the end of the last turn be made when it is read, if the core has played it."""
         if self._in_core is not None and self._in_core.read_turn is not None:
-            self._phase.leave_unread(self._in_core.read_turn)
+            self._phase.leave_unread(self._in_core.read_turn, with_moves=True)
 
     def _forget_last_turn(self, snapshot: Snapshot) -> None:
         """Do not make the end of the last turn, which a snapshot replaces, unless it lacks some of the agents."""
         if not self.ctx.agent.agents.keys() <= {*snapshot.agents.names}:
             self._phase.read_last_turn()
         self._phase.leave_unread(None)
+        self._turns.unread = None
         if self._in_core is not None:
             self._in_core.forget_last_turn()
 
@@ -389,7 +396,7 @@ class Game(Surface, RuleVerbs):
             ):
                 self.ctx.logger.warning(sentence)
 
-    @refused_while_deciding
+    @leaving_last_turn
     def result(self) -> Result:
         """Return the result of the game so far; not for strategies, because it contains the seed."""
         with GarbagePause():
@@ -445,7 +452,7 @@ class Game(Surface, RuleVerbs):
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
 
-    @replacing_last_turn
+    @leaving_last_turn
     def reset(self, seed: int | None = None) -> None:
         """Restore the game to its start: agents, map, rules, settings, data, scores and random streams.
 
@@ -493,7 +500,7 @@ class Game(Surface, RuleVerbs):
         self._snapshots.refuse_in_turn("taken")
         return self._snapshots.take()
 
-    @replacing_last_turn
+    @leaving_last_turn
     def restore(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this game; any number of times, in any order.
 

@@ -7,26 +7,30 @@ plays that turn at once. For the others it plays the moves of the last turn agai
 before anything changes; see `DecidePhase.leave_unread`.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.core import rules
 from gamms.core.copies import refill_each
+from gamms.core.turn import ShippedDecisions
 from gamms.errors import BadValue, UnknownName
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, roster_of, sensors_of
-from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules
+from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, roster_of, sensors_of
+from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, core_forms
 from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.scores import fits_float
+from gamms.game.block.sensing import called_each_turn
 from gamms.game.block.state import GameArrays
-from gamms.game.block.strategy_steps import memories_of
-from gamms.game.conflicts import unranked
+from gamms.game.block.strategy_steps import begin_steps, can_read, memories_of
+from gamms.game.conflicts import flat, unranked
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule, as_called, refuse_unused
-from gamms.game.slots import COUNTED
+from gamms.game.slots import COUNTED, Slots
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
@@ -39,6 +43,8 @@ _ELIMINATED = rules.KINDS.index("eliminated")
 _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
 _SHORTEST_S = 1e-6  # that a clock can measure
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
+_NODES_AN_AGENT = 20  # to read so many nodes of the map takes as long as to ask an agent
+_NEVER = 1 << 62  # a turn that no game reaches
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
 _FIRST_READING = 20  # turns that it takes longer at first
 _NODES_A_TURN = 50  # to read so many nodes of the map, at first, takes as long as the turn engine takes for a turn
@@ -65,6 +71,7 @@ def game_in_core(game: PlayedGame, last: int | None, known: "GameInCore | None")
     roster = roster_of(game)
     key = _key_of(game, roster, past)
     is_known = known is not None and known.key == key
+    game.internals.parts.turns.forget_states()
     if known is not None:
         known.make_last_turn(is_replaced=is_known)
     try:
@@ -86,7 +93,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
     deciders = [*strategies.values(), *(plan.function for plan in plans.values())]
     are_called = parts.collectors.by_name or game.internals.after_observing or parts.rules.now.act_before_moves
     return (
-        all(strategy_spec_of(one).core_steps is not None for one in deciders)
+        all(strategy_spec_of(one).is_in_core for one in deciders)
         and all(one.spec.core_form is not None and not one.spec.is_array_function for one in game.rules)
         and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
         and not game.ctx.agent.block.flyers
@@ -135,6 +142,173 @@ class _Itself:
         return isinstance(other, _Itself) and other._value is self._value
 
     __hash__ = None  # type: ignore[assignment] # keys are compared, not hashed
+
+
+class ShippedAgents(ShippedDecisions):
+    """The decisions of the agents of one game, all of which have shipped strategies.
+
+    Args:
+        game: the game; it has begun.
+        slots: the slots of all agents, dead or alive.
+        roster: the same agents.
+    """
+
+    def __init__(self, game: PlayedGame, slots: Slots, roster: AgentTable) -> None:
+        self._game = game
+        self._slots = slots
+        self._made_of = _made_of(game)
+        self._inactive: frozenset[int] | None = None
+        movement = movement_of(game, roster)
+        state = GameArrays(roster, movement, [game.ctx.seed], np.zeros((1, len(roster.names)), np.int64))
+        if game.settings()["team_memory"]:
+            state.share_memories()
+        self._state = state
+        block = CoreColumns([state], np.zeros(1, np.int64))
+        block.until[:] = 1
+        self._core = CoreGames(game, state, block, is_apart=False, decides=True)
+        self._core.prepare(None, 1)
+        plans = game.settings()["plans"]
+        deciders = [decider_of(agent, plans) for agent in roster.agents]
+        steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
+        self._steps = list({step.key: step for step in steps}.values())
+        self._before = self._core.memory  # before the last turn
+        columns = movement.streets.columns
+        numbers = game.ctx.agent.block.numbers
+        numbers.write(columns.node_ids.data, np.empty(len(columns.node_ids), np.int64).data)  # number them all
+        places = kernels.rows_of(columns.node_ids, np.asarray(numbers.ids)[: numbers.count], columns.node_order)
+        super().__init__(
+            *self._core.deciders,
+            slots.selection.buffer,
+            flat(places, np.int64),
+            flat(columns.node_ids, np.int64),
+            remembers=bool(self._steps),
+        )
+
+    def is_of(self, game: PlayedGame, slots: Slots) -> bool:
+        """Return whether the agents of a game, their strategies and the map are the same as when this was made."""
+        return slots is self._slots and self._made_of == _made_of(game)
+
+    def begin_memories(self, inactive: Collection[int]) -> None:
+        """Make the memories of the living agents that have none yet; `inactive` are the rows of the dead."""
+        if inactive == self._inactive:
+            return
+        rows = self._slots.selection.rows
+        was_out = self._inactive
+        self._inactive = frozenset(inactive)
+        memory_of = self._game.internals.state.memory_of
+        for name, row in zip(self._slots.names, rows, strict=True):
+            if row not in inactive and (was_out is None or row in was_out):
+                memory_of(name)
+
+    def take_memories(self, *, are_known: bool) -> bool:
+        """Prepare the memories for a turn; return False if one has a form that strategies do not write."""
+        if not (are_known or self._read_memories()):
+            return False
+        self._before = self._core.memory.copy()
+        return True
+
+    def _read_memories(self) -> bool:
+        game = self._game
+        find = game.ctx.graph.graph.get_node
+        if not all(can_read(self._steps, memory, find) for memory in game.internals.state.memories.values()):
+            return False
+        for key, columns in begin_steps(self._steps, game.ctx, self._state).items():
+            for name, values in columns.items():
+                self._state.kept[key][name][...] = values
+        self._core.prepare(None, 1)
+        return True
+
+    def show_memories(self, *, of_start: bool) -> None:
+        """Show what agents remember in the game, or what they remembered before the last turn."""
+        memory = self._core.memory
+        now = memory.copy()
+        if of_start:
+            memory[...] = self._before
+        self._core.finish()
+        memory[...] = now
+        memory_of = self._game.internals.state.memory_of
+        for name, key, value in memories_of(self._state, self._steps):
+            memory_of(name)[key] = value
+
+
+def _made_of(game: PlayedGame) -> tuple[Any, ...]:
+    """Return what the decisions of shipped strategies depend on, besides the agents and their strategies."""
+    turns = game.internals.parts.turns
+    return turns.sensor_changes, turns.seed_changes, game.ctx.graph.graph.revision
+
+
+class ShippedFinder:
+    """Finds the decisions of all agents of a game in the core, as `ShippedAgents`.
+
+    Args:
+        game: the game.
+    """
+
+    def __init__(self, game: PlayedGame) -> None:
+        self._game = game
+        self._known: ShippedAgents | None = None
+        self._slots: Slots | None = None  # of the last call
+        self._revision: object = None  # of the map, and how often agents had been asked when it was new
+        self._asked = 0
+
+    def find(self, order: TurnOrder) -> tuple[ShippedAgents | None, int]:
+        """Return the decisions; None: Python has to decide for some agent, or to make them does not pay yet.
+
+        Args:
+            order: the living agents.
+
+        Returns:
+            Also the turn in which to call this again, unless the agents, the settings or the map change before.
+        """
+        game = self._game
+        slots = order.slots.whole
+        if self._known is not None and self._known.is_of(game, slots):
+            self._known.begin_memories(order.block.inactive)
+            return self._known, 0
+        self._known = None
+        wait = self._turns_to_wait(order)
+        if wait:
+            return None, game.turn + wait
+        if not _may_decide(game, order):
+            return None, _NEVER
+        roster = AgentTable.of(agents_of(game))
+        if None in core_forms(game, roster) or any(called_each_turn(agent) for agent in roster.agents):
+            return None, _NEVER
+        self._known = ShippedAgents(game, slots, roster)
+        self._known.begin_memories(order.block.inactive)
+        return self._known, 0
+
+    def _turns_to_wait(self, order: TurnOrder) -> int:
+        """Return the number of turns after which to read the agents and their map takes less time than it will save.
+
+        A map is read when its agents have been asked often enough, agents when they have not changed for a turn; those
+        of a first turn at once, because it takes longer to make what is needed to ask them.
+        """
+        game = self._game
+        slots = order.slots.whole
+        are_new = slots is not self._slots
+        self._slots = slots
+        graph = game.ctx.graph.graph
+        asked = game.internals.parts.turns.asked
+        if graph.revision != self._revision:
+            self._revision = graph.revision
+            self._asked = asked
+        agents = max(len(order.slots), 1)
+        missing = len(graph) // _NODES_AN_AGENT - (asked - self._asked + 1) * agents
+        return max(-(-missing // agents), int(are_new and slots.has_made), 0)
+
+
+def _may_decide(game: PlayedGame, order: TurnOrder) -> bool:
+    """Return False if a quick look shows that Python has to decide for some agent."""
+    slots = order.slots
+    if order.has_parts or order.has_channels or order.has_deeds or order.block.has_teams or not slots.are_plain:
+        return False
+    if game.ctx.graph.graph.revision is None:
+        return False
+    settings = game.settings()
+    strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
+    deciders = [*strategies.values(), *(plan.function for plan in settings["plans"].values())]
+    return settings["time_budget"] is None and all(strategy_spec_of(one).is_in_core for one in deciders)
 
 
 class LastTurns:
@@ -249,6 +423,7 @@ class GameInCore:
 
     def _ahead(self, last: int | None, after_turns: Callable[[int], None]) -> Iterator[bool]:
         state = self._state
+        turns = self._game.internals.parts.turns
         is_going = True
         are_some_out = False
         while is_going:
@@ -269,7 +444,11 @@ class GameInCore:
             for number in left:
                 self._play_to(number - 1)
                 self._show()
-                yield True
+                turns.makes_states = True
+                try:
+                    yield True
+                finally:
+                    turns.makes_states = False
                 self._play_to(number)
                 self._shown = number
             self._play_to(played)

@@ -1,19 +1,19 @@
 """The living agents in the order of a turn, with data that each turn needs."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import cached_property, partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.core.agents import MovingAgents
-from gamms.core.ask import SensorCall
-from gamms.core.turn import PartInCore, TurnPlan
+from gamms.core.ask import DecidingAgent, SensorCall
+from gamms.core.turn import NOT_ASKED, PartInCore, TurnPlan
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
-from gamms.game.slots import AgentSlot, Slots
+from gamms.game.slots import Slots
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection
 from gamms.ir.graph import RowArray
@@ -71,13 +71,7 @@ class TurnPart:
 
     Attributes:
         members: the indices of the slots.
-        asked: the indices of the slots of agents without a plan.
-        individuals: these agents in the form of the core; empty if there are channels or a time budget, or teams share
-            no memory.
-        in_core: the part in the form of the core, see `prepare`; None: it was not asked yet.
-        commanded: the agents with a plan, by team.
-        observing: the indices of the slots of agents whose sensors are called.
-        see_world_only: whether all sensors look only at the graph and the agents.
+        in_core: the part in the form of the core, see `prepare`; None: it is not made yet.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these agents.
         paced: the indices of the slots of agents on the ground that may be on an edge.
@@ -85,46 +79,17 @@ class TurnPart:
     """
 
     def __init__(self, slots: Slots, members: list[int] | None, settings: Settings) -> None:
+        self._slots = slots
+        self._plans = settings.plans
+        self._are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.members: Sequence[int] = range(len(slots)) if members is None else members
-        self.commanded = list[PlannedAgents]()
-        asked = self._take(slots, settings.plans)
-        are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
-        self.individuals = [slot.asked for slot in asked] if are_usual else []
         self.in_core: PartInCore | None = None
+        self._take_ground()
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
-    def _take(self, slots: Slots, plans: Mapping[Any, Plan]) -> list[AgentSlot]:
-        """Read the columns of agents; return the slots of agents without a plan.
-
-        No slots are made for agents with a plan of arrays.
-        """
-        teams = slots.teams
-        if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
-            of_team: dict[Any, Sequence[int]] = {teams[0]: self.members}
-        else:
-            of_team = {team: [] for team in dict.fromkeys(teams)}
-            for i in self.members:
-                cast("list[int]", of_team[teams[i]]).append(i)
-        blind = {team for team in of_team if team in plans and plans[team].arrays}
-        self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
-        idle = slots.idle() if self.observing else ()
-        if idle:  # NOTE: agents that just stand there take no time (benchmarks: teams)
-            self.observing = [i for i in self.observing if slots.teams[i] in plans or slots.names[i] not in idle]
-        chosen = slots.at(self.observing)
-        self.see_world_only = all(slot.sees_world_only for slot in chosen)
-        self.asked = self.observing
-        asked = chosen
-        if plans:
-            self.asked = [i for i in self.observing if slots.teams[i] not in plans]
-            asked = slots.at(self.asked)
-        for team, indices in of_team.items():
-            if team in plans and indices:
-                is_all = len(indices) == len(slots)
-                names = slots.names if is_all else [slots.names[i] for i in indices]
-                members = range(len(slots)) if is_all else indices
-                keys = partial(slots.keys_of, indices)
-                are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
-                self.commanded.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
+    def _take_ground(self) -> None:
+        """Find the agents on the ground, and those that may be on an edge."""
+        slots = self._slots
         mine = set(self.members) if slots.flying or slots.paced else set[int]()
         flying = set(slots.flying)
         ground = [i for i in self.members if i not in flying] if flying else self.members
@@ -132,31 +97,104 @@ class TurnPart:
         rows = slots.selection.rows
         self.ground = slots.selection if len(ground) == len(slots) else Selection([rows[i] for i in ground])
         self.paced = [i for i in slots.paced if i in mine]
-        return asked
+
+    # NOTE: what follows is made when agents are asked, not if the core decides for them (w9 first).
+
+    @cached_property
+    def _of_team(self) -> dict[Any, Sequence[int]]:
+        """Team -> the indices of the slots of its agents."""
+        teams = self._slots.teams
+        if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
+            return {teams[0]: self.members}
+        of_team: dict[Any, list[int]] = {team: [] for team in dict.fromkeys(teams)}
+        for i in self.members:
+            of_team[teams[i]].append(i)
+        return {**of_team}
+
+    @cached_property
+    def observing(self) -> Sequence[int]:
+        """The indices of the slots of agents whose sensors are called."""
+        slots = self._slots
+        of_team = self._of_team
+        blind = {team for team in of_team if team in self._plans and self._plans[team].arrays}
+        found = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
+        idle = slots.idle() if found else ()
+        if idle:  # NOTE: agents that just stand there take no time (benchmarks: teams)
+            found = [i for i in found if slots.teams[i] in self._plans or slots.names[i] not in idle]
+        return found
+
+    @cached_property
+    def asked(self) -> Sequence[int]:
+        """The indices of the slots of agents without a plan."""
+        slots = self._slots
+        return [i for i in self.observing if slots.teams[i] not in self._plans] if self._plans else self.observing
+
+    @cached_property
+    def see_world_only(self) -> bool:
+        """Whether all sensors look only at the graph and the agents."""
+        return all(slot.sees_world_only for slot in self._slots.at(self.observing))
+
+    @cached_property
+    def individuals(self) -> list[DecidingAgent]:
+        """The agents without a plan in the form of the core.
+
+        Empty if there are channels or a time budget, or teams share no memory.
+        """
+        return [slot.asked for slot in self._slots.at(self.asked)] if self._are_usual else []
+
+    @cached_property
+    def commanded(self) -> list[PlannedAgents]:
+        """The agents with a plan, by team. No slots are made for agents with a plan of arrays."""
+        slots = self._slots
+        plans = self._plans
+        found = []
+        for team, indices in self._of_team.items():
+            if team in plans and indices:
+                is_all = len(indices) == len(slots)
+                names = slots.names if is_all else [slots.names[i] for i in indices]
+                members = range(len(slots)) if is_all else indices
+                keys = partial(slots.keys_of, indices)
+                are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
+                found.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
+        return found
+
+    def let_observe(self, others: Iterable[int]) -> None:
+        """Call the sensors of the agents of some slots, too, who do not decide; all observe before any decides."""
+        asked = self.asked
+        self.observing = sorted({*others, *self.observing})
+        self.asked = asked
+        self.see_world_only = False
 
     def prepare(self, order: "TurnOrder", version: int) -> PartInCore:
-        """Return the part in the form of the core, for sensors of a version; sensors that look alike share a look."""
+        """Return the part in the form of the core.
+
+        Args:
+            order: the agents of the turn.
+            version: the version of the sensors; those that look alike share a look. `NOT_ASKED`: agents just move.
+        """
         first = dict[Hashable, tuple[int, Any]]()  # Any: sensors that share looks are of that package
+        individuals = []
+        if version != NOT_ASKED and order.whole.individuals:  # memories begin in the order of names
+            individuals = self.individuals
         sensors = [
             one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
-            for one in self.individuals
+            for one in individuals
         ]
-        self.in_core = PartInCore(
-            self.individuals,
+        return PartInCore(
+            individuals,
             sensors,
-            [*self.asked] if self.individuals else [],
+            [*self.asked] if individuals else [],
             [sensor.shared_look() for _, sensor in first.values()],
             version,
             order.moving,
             len(order.slots),
-            has_starts=bool(order.whole.asked),
-            see_world_only=self.see_world_only,
-            has_plans=bool(self.commanded),
+            has_starts=version == NOT_ASKED or bool(order.whole.asked),
+            see_world_only=version == NOT_ASKED or self.see_world_only,
+            has_plans=version != NOT_ASKED and bool(self.commanded),
             is_paced=bool(self.paced),
             ground=self.ground,
             is_all_ground=self.on_ground is None,
         )
-        return self.in_core
 
     def of_ground(self, values: Any) -> Any:
         """Return the values of agents on the ground, from one value per slot."""

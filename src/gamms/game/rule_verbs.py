@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
 from gamms.arguments import as_bool, as_items, as_key, as_name
-from gamms.deciding import Protected, refused_while_deciding
+from gamms.deciding import Protected, leaving_last_turn, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
 from gamms.game.facts import facts_to
@@ -48,7 +48,7 @@ class RuleVerbs(Settings):
     @property
     def counts(self) -> dict[str, dict[str, int]]:
         """Agent -> its numbers of moves, blocked moves, and so on."""
-        self._phase.read_last_turn()
+        self._phase.read_moves()
         self._turns.update_counts()
         self._turns.list_counts()
         return self._phase.shown(self._state.counts)
@@ -78,7 +78,7 @@ class RuleVerbs(Settings):
     @property
     def moves(self) -> dict[str, Move]:
         """Agent -> its move in this turn, for agents on the ground; rules must not change it."""
-        self._phase.read_last_turn()
+        self._phase.read_moves()
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
@@ -131,7 +131,7 @@ class RuleVerbs(Settings):
         """
         given = as_items(agents, "agents", "agents or their names")
         found = [one if hasattr(one, "name") else self._agent(one) for one in given]
-        self._phase.read_last_turn()
+        self._phase.read_moves()
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(found)
         return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
@@ -156,7 +156,7 @@ class RuleVerbs(Settings):
                 return self._turns.observation(slot)
         raise UnknownName("living agent", one.name, [slot.name for slot in slots])
 
-    @refused_while_deciding
+    @leaving_last_turn
     def emit(self, kind: str, **data: Plain) -> None:
         """Add an event to `events` and the result. Values should be plain.
 
@@ -168,7 +168,7 @@ class RuleVerbs(Settings):
         turn = self._state.turn + self._turns.is_moving
         self._state.events.append({"turn": turn, "kind": as_name(kind, "a kind of event"), **data})
 
-    @refused_while_deciding
+    @leaving_last_turn
     def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
         """End the game after this turn.
 
@@ -185,12 +185,14 @@ class RuleVerbs(Settings):
         if self._state.over is None or self._turns.is_playing:
             self._state.over = joined_end(self._state.over, over)
 
-    @refused_while_deciding
+    @leaving_last_turn
     def eliminate(self, agent: IAgent | str) -> None:
         """Eliminate an agent, given by itself or its name; do nothing if it is already eliminated."""
         one = self._agent(agent)
         if one.alive:
-            one.alive = False
+            self._turns.make_state_of(one.name)
+            with self._phase.keeping_unread():
+                one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 
     @refused_while_deciding
@@ -220,6 +222,7 @@ class RuleVerbs(Settings):
     def memories(self) -> Mapping[str, dict[Any, Any]]:
         """Agent -> its memory. While agents decide, each sees only its own."""
         phase = self._phase
+        phase.read_last_turn()
         memories = self._state.memories
         own = {name: memories.get(name, {}) for name in phase.names()} if phase.is_deciding else None
         return memories if own is None else frozen(own)

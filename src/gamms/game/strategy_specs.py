@@ -41,6 +41,7 @@ class StrategySpec:
         memory: the shapes of `state["memory"]` from which the strategy, and those that it calls, can go on.
         team_memory: likewise for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
         is_called_each: whether batches call the strategy game by game although it has an array form.
+        is_replaced: whether batches replace its decisions by actions from outside, so that it is called in one game.
     """
 
     array_form: Callable[..., Any] | None = None
@@ -48,6 +49,12 @@ class StrategySpec:
     memory: tuple[Shape, ...] = ()
     team_memory: tuple[Shape, ...] = ()
     is_called_each: bool = False
+    is_replaced: bool = False
+
+    @property
+    def is_in_core(self) -> bool:
+        """Whether the core may decide in place of the strategy in one game."""
+        return self.core_steps is not None and not self.is_replaced
 
 
 _UNDECLARED = StrategySpec()

@@ -7,7 +7,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import GameTurn, TurnPlan
+from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
@@ -23,8 +23,8 @@ from gamms.game.result import Collectors
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, Slots, own_copy
 from gamms.game.strategy_specs import strategy_spec_of
-from gamms.ir.agents import AgentBlock
-from gamms.ir.game_state import GameState, in_conflict
+from gamms.ir.agents import AgentBlock, show_numbers
+from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.limits import GarbagePause
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
@@ -63,6 +63,8 @@ class TurnEngine(GameTurn):
         inboxes: messages that agents hear.
         outboxes: messages that agents send.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
+        find_shipped: returns the decisions of the agents of an order in the core, see `native.ShippedFinder`; None:
+            they are always asked.
         departed_teams: team -> the number of names of deleted agents that were in it when they were deleted last.
     """
 
@@ -95,6 +97,7 @@ class TurnEngine(GameTurn):
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
         self.answers = Decisions(settings, state, phase, self._legality, self.observation, self.sensed)
         self._loop: EventLoop | None = None
+        self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
         self._epoch = -1  # of the order
         self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
@@ -141,7 +144,7 @@ class TurnEngine(GameTurn):
                 order = self._order_of_living(block, made_of)
                 self._use(order)
                 self._order_of = made_of
-                self.near = self._ctx.graph.graph.neighborhoods
+                self._follow_graph()
             self._epoch = self.phase.epoch
         return order
 
@@ -214,7 +217,13 @@ class TurnEngine(GameTurn):
         self._kept = {bytes(order.block.alive): order}
         self._kept_of = *self._order_of, structure.others
         self._epoch = self.phase.epoch
-        self.near = self._ctx.graph.graph.neighborhoods
+        self._follow_graph()
+
+    def _follow_graph(self) -> None:
+        """Use the present graph."""
+        graph = self._ctx.graph.graph
+        self.near = graph.neighborhoods
+        self.revised = getattr(graph, "revised", graph)
 
     @property
     def draw_table(self) -> DrawTable:
@@ -522,6 +531,32 @@ class TurnEngine(GameTurn):
 
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self.state.blocked.add(slot.name, why))
+
+    def _find_shipped(self, order: TurnOrder) -> None:
+        """Set `shipped` and `look_again` for the agents of an order."""
+        if self.find_shipped is not None:
+            self.shipped, self.look_again = self.find_shipped(order)
+
+    def _show_row(self, order: TurnOrder, memory: bytes, turn: int, blocked: BlockedAgents | None) -> None:
+        """Show the game of another moment: the number columns of the agents, and why they are blocked."""
+        show_numbers(order.block, memory)
+        state = self.state
+        state.turn = turn
+        before = state.blocked
+        state.blocked = BlockedAgents() if blocked is None else blocked
+        if before or blocked:
+            both = {*before, *state.blocked}
+            order.slots.show_blocked([order.index_of[name] for name in both if name in order.index_of])
+
+    def make_state_of(self, name: str) -> None:
+        """Make the state of an agent in the last turn, after which it takes part in no turn."""
+        unread = self.unread
+        if unread is None or self.phase.read_turn is not self.reader:
+            self.phase.read_last_turn()
+            return
+        i = unread.order.index_of.get(name)
+        if i is not None:
+            self.make_states(TurnPart(unread.order.slots, [i], self._settings))
 
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""

@@ -112,7 +112,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     @property
     def storage(self) -> MapStorage:
         """The map as bytes and as snapshots, for engines and clients; not for strategies."""
-        self._phase.refuse("use ctx.graph.storage")
+        self._phase.refuse_look("use ctx.graph.storage")
         return self._storage
 
     # -- obstacles ----------------------------------------------------------------------------------------------

@@ -67,19 +67,19 @@ class Graph(Surface, Guarded, IGraph):
     @property
     def revised(self) -> GraphStore:
         """The object that counts the changes, whose `revision` is faster to read; not for strategies."""
-        self._phase.refuse("use graph.revised")
+        self._phase.refuse_look("use graph.revised")
         return self._store
 
     @property
     def node_numbers(self) -> NodeNumbers:
         """The numbers that agents have for the nodes; not for strategies."""
-        self._phase.refuse("use graph.node_numbers")
+        self._phase.refuse_look("use graph.node_numbers")
         return self._store.node_numbers
 
     @property
     def edge_numbers(self) -> NodeNumbers:
         """The numbers that agents, rules and conflicts have for the edges; not for strategies."""
-        self._phase.refuse("use graph.edge_numbers")
+        self._phase.refuse_look("use graph.edge_numbers")
         return self._store.edge_numbers
 
     @property

@@ -690,6 +690,18 @@ def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> Non
     block._note_all()
 
 
+def show_numbers(block: AgentBlock, memory: bytes) -> None:
+    """Show all number columns as they were in `block.games.memory` at another moment, without recording changes.
+
+    Agents have not come or left since, and the sets of rows that follow from other columns are the same.
+    """
+    before = bytes(block.alive)
+    block.games.memory[:] = memory
+    if bytes(block.alive) != before:
+        block.structure.note_lives(_changed_lives(block, before))
+    block._note_all()
+
+
 def show_column(block: AgentBlock, name: str, values: Sequence[Any] | FloatArray) -> None:
     """Show the headings, or additional numbers, of all agents, (agents,) by row, without recording changes."""
     column = getattr(block, name)
@@ -714,5 +726,11 @@ def show_lives(block: AgentBlock, alive: bytes) -> None:
     """Show which agents are alive in a game of a batch, (agents,) booleans, without recording changes."""
     before = bytes(block.alive)
     block.alive[:] = memoryview(alive).cast("?")
-    block.inactive = {row for row, lives in enumerate(alive) if not lives}
-    block.structure.note([row for row, lives in enumerate(alive) if lives != before[row]])
+    block.structure.note(_changed_lives(block, before))
+
+
+def _changed_lives(block: AgentBlock, before: bytes) -> list[int]:
+    """Return the rows of agents that have died or returned, given which lived before, (agents,) booleans."""
+    lives = bytes(block.alive)
+    block.inactive = {row for row, is_alive in enumerate(lives) if not is_alive}
+    return [row for row, is_alive in enumerate(lives) if is_alive != before[row]]

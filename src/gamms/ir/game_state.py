@@ -174,6 +174,12 @@ class BlockedAgents(MutableMapping[str, str]):
         """Drop conflicts with exactly this list of names that were not written out."""
         self.stopped = [stopped for stopped in self.stopped if stopped[0] is not names]
 
+    def copied(self) -> "BlockedAgents":
+        """Return a copy, without writing out conflicts."""
+        twin = BlockedAgents(self.known)
+        twin.stopped = [*self.stopped]
+        return twin
+
     def _written(self) -> dict[str, str]:
         if self.stopped:
             stopped = self.stopped

@@ -188,4 +188,4 @@ class ScriptedActions:
     @property
     def strategy_spec(self) -> StrategySpec:
         """Declare that the core keeps the agent's stored action, instead of calling a decision."""
-        return StrategySpec(core_steps=(CoreStep("stay"),))
+        return StrategySpec(core_steps=(CoreStep("stay"),), is_replaced=True)

@@ -89,7 +89,7 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     @property
     def storage(self) -> "SensorStorage":
         """Operations of other engines on the sensors; not for strategies."""
-        self._phase.refuse("use ctx.sensor.storage")
+        self._phase.refuse_look("use ctx.sensor.storage")
         return self._storage
 
     @overload

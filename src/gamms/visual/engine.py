@@ -11,7 +11,14 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, as_range, misspelt
 from gamms.compat import Surface
-from gamms.deciding import ContextPart, Protected, outside_of_deciding, phase_of, refused_while_deciding
+from gamms.deciding import (
+    ContextPart,
+    Protected,
+    leaving_last_turn,
+    outside_of_deciding,
+    phase_of,
+    refused_while_deciding,
+)
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import IContext, IVisualizationEngine
@@ -210,7 +217,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         """End the turn: call the listeners, and add it to the films that are being made."""
         # NOTE: games without pictures pay for this in every turn, too (benchmarks: the loop, turns).
         if self._phase.agent is not None:
-            self._phase.refuse("call ctx.visual.simulate")
+            self._phase.refuse_look("call ctx.visual.simulate")
         self.drawing.turns.end_turn()
         if self.artists.drawings.commands:
             self.artists.end_turn()
@@ -219,7 +226,7 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
         if self.pictures._films:
             self.pictures.add_turn()
 
-    @refused_while_deciding
+    @leaving_last_turn
     def quiet_turns(self) -> PastTurns | None:
         """Return the turns that trails show; None if more than that happens at the end of a turn."""
         is_quiet = not (self._after_turn or self.artists.drawings.commands or self.pictures.films)

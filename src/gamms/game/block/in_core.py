@@ -702,6 +702,7 @@ class CoreGames:
         state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
         is_apart: whether rules run after all games have moved, because functions are called between them.
+        decides: whether these games just decide: no rules and no conflicts are made; see `deciders`.
         past_turns: in a single game, the number of turns after which the places of agents are kept; see `past`.
 
     Attributes:
@@ -710,24 +711,32 @@ class CoreGames:
         has_functions: whether functions are called between its phases.
         part_of: (agents,) the part of the turn in which each agent decides and moves, in the order of play.
         num_parts: the number of parts of a turn.
+        deciders: the columns of the games, and the agents that decide in them.
         arrival: the number of arrivals in this part of the turn, if functions are called on arrival; else None.
     """
 
     arrival: int | None = None
 
     def __init__(
-        self, game: PlayedGame, state: GameArrays, block: CoreColumns, *, is_apart: bool, past_turns: int = 0
+        self,
+        game: PlayedGame,
+        state: GameArrays,
+        block: CoreColumns,
+        *,
+        is_apart: bool,
+        decides: bool = False,
+        past_turns: int = 0,
     ) -> None:
         settings = game.settings()
         self.numbers: dict[str, int] = {}
         self.past = PastPlaces.of(past_turns, state)
         self._state = state
         self._block = block
-        called = called_rules(game, state.roster)
+        called = [] if decides else called_rules(game, state.roster)
         self._rules = [one for one in called if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._keeps_courses = is_apart or any(map(is_function, called))
-        self._conflicts = conflicts_in_core(game, state.roster)
+        self._conflicts = None if decides else conflicts_in_core(game, state.roster)
         self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         forms = [moves.STAY if one is None else one for one in core_forms(game, state.roster)]
@@ -754,6 +763,7 @@ class CoreGames:
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
         self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
+        self.deciders: tuple[rules.GameColumns, moves.OneEdgeMovers]
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
@@ -974,6 +984,11 @@ class CoreGames:
         if self._by_steps is not None:
             self._by_steps.give_memories(self._games)
 
+    @property
+    def memory(self) -> IntArray:
+        """What agents remember now, (columns, games, agents)."""
+        return np.zeros((0, *self._state.node.shape), np.int64) if self._by_steps is None else self._by_steps.memory
+
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each rule function when it is due."""
         if not self.has_functions:
@@ -1067,6 +1082,7 @@ class CoreGames:
             travel = columns.thread(args, of_movers, events)
             movers = travel.movers
         self._movers.append(movers)
+        self.deciders = games, movers
         making = BatchRules(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None

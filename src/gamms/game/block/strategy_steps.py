@@ -141,6 +141,9 @@ class StrategySteps:
     Args:
         state: the state of all games.
         steps: the steps of each agent, in the order of the roster; empty for an agent without steps.
+
+    Attributes:
+        memory: (columns, games, agents) what agents remember; see `take_memories`.
     """
 
     def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
@@ -157,7 +160,7 @@ class StrategySteps:
         self._looks = make_looks(state.roster, looking)
         for key in self._remembered:
             self._kept(key)
-        self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
+        self.memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
         self._ways: list[PathTables] = []  # of each thread
         self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
@@ -196,7 +199,7 @@ class StrategySteps:
             arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
             self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs))
         keys = flat(self._state.draw_keys(), np.uint64)
-        memory = self._memory.reshape(-1).data
+        memory = self.memory.reshape(-1).data
         xy = flat(self._state.streets.columns.xy, np.float64)
         ways = self._ways[thread].core
         team = self._state.roster.team_of
@@ -213,7 +216,7 @@ class StrategySteps:
             most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
             if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
                 raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
-            self._memory[column, games] = known
+            self.memory[column, games] = known
         if len(self._order):
             x = self._state.streets.columns.xy[:, 0]
             self._order[games] = np.argsort(x[self._state.node[games]], axis=1)
@@ -221,7 +224,7 @@ class StrategySteps:
     def give_memories(self, games: IntArray) -> None:
         """Write the memories of agents in these games to the state of the batch."""
         for column, (key, name) in enumerate(self._columns):
-            self._kept(key)[name][games] = self._memory[column, games]
+            self._kept(key)[name][games] = self.memory[column, games]
 
     def _kept(self, key: str) -> Arrays:
         make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))

@@ -1279,8 +1279,7 @@ class Cursor:
             part = TurnPart(order.slots, [i for i, _ in members], self._parts.settings)
         others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
         if others:
-            part.observing = sorted(others.union(part.observing))
-            part.see_world_only = False  # all of them observe before any decides
+            part.let_observe(others)
         templates = [(name, order.slots[i].template) for i, name in members]
         return _AskedAgents(part, places, members, templates)
 
