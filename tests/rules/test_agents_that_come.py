@@ -1,10 +1,12 @@
 """Shipped rules in games in which agents come and leave while they are played."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms.rules import arrive, capture_flag, reach, respawn, tag
+from gamms.errors import IllegalMutation
+from gamms.rules import arrive, capture_flag, contacts, none_left, reach, respawn, tag
 from gamms.strategies import random_walk
 
 NAMES = ["a", "b", "m", "x", "z"]
@@ -104,3 +106,105 @@ def test_the_start_of_an_agent_that_has_left_is_no_home_for_flags():
         for _ in range(4):
             ctx.game.step()
         assert [(event["kind"], event["node"]) for event in ctx.game.events] == [("take", 3), ("capture", 1)]
+
+
+def happened(ctx, *fields):
+    """Return the kind of each event, and these fields."""
+    return [(event["kind"], *(event[field] for field in fields)) for event in ctx.game.events]
+
+
+@pytest.mark.parametrize("newcomers", [1, 2, 40])  # there is room for some; the others move the columns in memory
+def test_an_agent_that_a_rule_creates_is_seen_by_the_next_rule_of_the_turn(road, newcomers):
+    ctx = road(z=("red", 4), b=("blue", 4), r=("red", 9), order=lambda names: ["z", "b", "r"])
+
+    def create(ctx):
+        if ctx.game.turn == 1:
+            for i in range(newcomers):
+                ctx.agent.create_agent(f"a{i:02}", start_node_id=7 if i else 3, team="red")
+
+    ctx.game.add(tag("red", "blue", then="eliminate", score=0))
+    ctx.game.add(create)
+    ctx.game.add(capture_flag({"blue": 3}))
+    ctx.game.step()
+    assert happened(ctx, "agent", "node") == [("tag", "z", 4), ("eliminated", "b", 4), ("take", "a00", 3)]
+
+
+def test_the_row_of_an_agent_that_a_rule_deletes_is_not_read_by_the_next_rule(road):
+    names = ["y", "k", "x", "b", "c"]
+    ctx = road(y=("red", 3), k=("red", 8), x=("blue", 6), b=("blue", 2), c=("green", 8), order=lambda _: names)
+
+    def delete(ctx):
+        ctx.agent.delete_agent("y")  # which stands on a flag; the rows of all others move forward
+
+    ctx.game.add(tag("red", "green", then="eliminate", score=0))
+    ctx.game.add(delete)
+    ctx.game.add(capture_flag({"blue": 3, "green": 6}))
+    ctx.game.add(none_left("green", "red"))
+    ctx.game.step()
+    assert happened(ctx, "agent", "node") == [("tag", "k", 8), ("eliminated", "c", 8), ("take", "x", 6)]
+    assert ctx.game.over["winner"] == "red"
+
+
+def test_a_fork_plays_rules_on_its_own_rows_and_leaves_those_of_the_game_alone(road):
+    ctx = road(z=("red", 4, 5), b=("blue", 2, 3, 4, 5), order=lambda names: ["z", "b"])
+    ctx.game.add(tag("red", "blue"))
+    ctx.game.step()
+    before = shown(ctx.game)
+    with ctx.game.internals.fork(ctx.seed)[0] as fork:
+        fork.agent.create_agent("a", start_node_id=4, team="red")
+        fork.game.step()
+        fork.game.step()
+        assert happened(fork, "agent") == [("tag", "a"), ("respawned", "b")]
+        assert shown(ctx.game) == before
+        ctx.game.step()
+        ctx.game.step()
+        assert happened(ctx, "agent") == [("tag", "z"), ("respawned", "b")]
+        assert happened(fork, "agent") == [("tag", "a"), ("respawned", "b")]
+
+
+def test_rules_read_the_rows_that_a_snapshot_has_restored(road):
+    ctx = road(z=("red", 4, 5), b=("blue", 2, 3, 4), order=lambda names: ["z", "b"])
+    ctx.game.add(tag("red", "blue"))
+    ctx.game.step()
+    begun = ctx.game.snapshot()
+    played = []
+    for newcomers in (0, 9, 0):
+        for i in range(newcomers):
+            ctx.agent.create_agent(f"a{i}", start_node_id=4, team="red")
+        ctx.game.step()
+        ctx.game.step()
+        played.append(shown(ctx.game))
+        ctx.game.restore(begun)
+    assert played[0] == played[2] != played[1]
+
+
+@pytest.mark.parametrize("is_earlier", [True, False])
+def test_a_function_after_a_tag_sees_the_effects_before_it_and_no_later_ones(road, is_earlier):
+    early, late = [("x", 4), ("y", 4)], [("x", 4, 5), ("y", 5)]  # they meet at once, or in the end
+    (r, b), (g, w) = (early, late) if is_earlier else (late, early)
+    ctx = road(r=("red", *r[1:]), b=("blue", *b[1:]), g=("green", *g[1:]), w=("white", *w[1:]), order=lambda _: "wgbr")
+    seen = []
+
+    def look(ctx, tagger, tagged):
+        seen.append(ctx.agent.get_agent("b").alive)
+        seen.append([contact[:2] for contact in contacts(ctx, "red", "blue")])
+
+    ctx.game.add(tag("red", "blue", then="eliminate"))
+    ctx.game.add(tag("green", "white", then=look))
+    ctx.game.step()
+    assert happened(ctx, "agent")[:2] == [("tag", "r"), ("tag", "g")][:: 1 if is_earlier else -1]
+    assert seen == ([False, []] if is_earlier else [True, [("r", "b")]])
+    assert [agent.name for agent in ctx.game.agents] == ["g", "r", "w"]
+
+
+def test_a_function_that_says_who_is_on_a_side_may_not_create_agents(road):
+    ctx = road(r=("red", 4), b=("blue", 4))
+
+    def is_red(agent):
+        if len(ctx.agent.agents) < 3:
+            ctx.agent.create_agent("new", start_node_id=4, team="red")
+        return agent.team == "red"
+
+    ctx.game.add(tag(is_red, "blue"))
+    with pytest.raises(IllegalMutation, match="created or deleted agents"):
+        ctx.game.step()

@@ -1,7 +1,7 @@
 cimport cython
 
 from gamms.core cimport contacts, draws
-from gamms.core.agents cimport AgentColumns, MoveColumns
+from gamms.core.agents cimport MoveColumns, NodeNumbers
 from gamms.core.contacts cimport Contacts, Legs, MotionIntervals, Tracks
 
 ctypedef unsigned char u8
@@ -17,6 +17,9 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, FUNCTION, GONE, NOBODY, LEADER, ITS_TEAM
 cdef class GameColumns:
     cdef public i64 agents
     cdef i64 teams
+    cdef Py_ssize_t rows
+    cdef public const i64[::1] order
+    cdef bint applies_effects
     cdef i64[::1] node, previous, stops, start, turn
     cdef const i64[::1] home, team, first_node
     cdef u8[::1] alive, placed, over
@@ -25,6 +28,9 @@ cdef class GameColumns:
     cdef i64[::1] edge
     cdef double[::1] share
     cdef i64 nobody
+
+    cdef Py_ssize_t row_of(self, i64 game, i64 agent) noexcept nogil
+    cpdef int bind(self, i64[::1] node, i64[::1] previous, u8[::1] alive) except -1
 
 
 @cython.final
@@ -50,8 +56,8 @@ cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 win
 cdef i64 leader(GameColumns games, i64 game) except? -1 nogil
 
 
-@cython.locals(agent=i64, node=i64, slot=i64)
-cpdef int take_moves(GameColumns games, MoveColumns moves, AgentColumns columns, const i64[::1] rows, const i64[::1] slots) except -1
+@cython.locals(agent=i64, row=i64, slot=i64)
+cpdef int take_moves(GameColumns games, MoveColumns moves, NodeNumbers numbers, const i64[::1] slots) except -1
 
 
 cdef class AgentPaths:
@@ -113,8 +119,8 @@ cdef class Tagging:
 
     cpdef Py_ssize_t find(self, GameColumns games, i64 game) except -1 nogil
     cdef bint may_meet(self, GameColumns games, i64 game) except -1 nogil
-    @cython.locals(at=i64, found=bint, agent=i64)
-    cdef bint _share_ends(self, GameColumns games, i64 game, i64[::1] marks) except -1 nogil
+    @cython.locals(found=bint, count=i64, agent=i64, row=i64, place=i64)
+    cdef bint _share_ends(self, GameColumns games, i64 game, MotionIntervals pieces) except -1 nogil
     cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
     cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
     cdef bint follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except? True nogil
@@ -125,17 +131,17 @@ cdef class Flags:
     cdef i64 flags, goal, involved
     cdef double points
     cdef const i64[::1] team, base, home, takes
-    cdef const i64[::1] starts, members
+    cdef const i64[::1] members
     cdef public const i64[::1] owners
     cdef const u64[::1] names, purposes
     cdef i64[::1] carriers, stops, captures
     cdef double[::1] taken
 
-    @cython.locals(flag=i64, agent=i64, row=i64, number=i64, node=i64)
+    @cython.locals(flag=i64, agent=i64, row=i64, number=i64)
     cdef int drop(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
     cdef int note_stops(self, GameColumns games, i64 game) except -1 nogil
-    @cython.locals(flag=i64, carrier=i64, agent=i64)
+    @cython.locals(flag=i64, carrier=i64, agent=i64, node=i64)
     cdef bint concern(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(team=i64)
     cdef bint _may_be_home(self, GameColumns games, i64 game, i64 agent) except -1 nogil
@@ -148,8 +154,8 @@ cdef class Flags:
     cdef double _next_moment(self, MotionIntervals pieces, double now) except? -1.0 nogil
     @cython.locals(row=i64, agent=i64, place=i64, piece=i64, team=i64)
     cdef int _capture(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
-    @cython.locals(begin=i64, member=Py_ssize_t, found=bint)
-    cdef bint _is_home(self, i64 game, i64 team, i64 node) except -1 nogil
+    @cython.locals(agent=i64, found=bint)
+    cdef bint _is_home(self, GameColumns games, i64 game, i64 team, i64 node) except -1 nogil
     @cython.locals(row=i64, taker=i64, least=u64, bits=u64, first=u64, place=i64, piece=i64, agent=i64)
     cdef int _take(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(flag=i64, found=bint)
@@ -210,7 +216,7 @@ cdef class RespawnRule(Rule):
     cdef i64[::1] out, times
     cdef i64 wait, most
 
-    @cython.locals(agent=i64, row=i64)
+    @cython.locals(first=i64, agent=i64, place=i64, row=i64)
     cdef int happen(self, i64 game) except -1 nogil
 
 

@@ -1,9 +1,9 @@
 """Rules of games: tags, flags, respawns, goals and ends, each applied to one game.
 
-Shapes: a block has games of `agents` agents, in the order of their names. Row `game * agents + agent` of a column is an
-agent in a game, row `game * teams + team` of `score` a team. Numbers are 64-bit integers, except `alive`, `placed` and
-`over` (bytes), `score` and `share` (64-bit floats), and keys (unsigned 64-bit integers). Nodes, agents, teams, flags
-and rules are numbered from 0; -1 stands for none.
+Shapes: a block has games of `agents` agents, which are numbered in the order of their names. `GameColumns.row_of` is
+the row of an agent in a column of all games; row `game * teams + team` of `score` is a team. Numbers are 64-bit
+integers, except `alive`, `placed` and `over` (bytes), `score` and `share` (64-bit floats), and keys (unsigned 64-bit
+integers). Nodes, agents, teams, flags and rules are numbered from 0; -1 stands for none.
 
 `GameColumns` holds the columns, which `respawn`, `eliminate` and `end_game` change; `Events` receives events. `Tagging`
 collects contacts, and `Tags` turns them into tags, at most one contact per agent. `Flags` are taken and captured. A
@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
-from gamms.core.agents import AgentColumns, MoveColumns
+from gamms.core.agents import MoveColumns, NodeNumbers
 from gamms.core.contacts import Contacts, Legs, MotionIntervals, Tracks, extended
 
 # kinds of events
@@ -62,16 +62,24 @@ NO_FLOATS: Any = memoryview(array("d"))
 class GameColumns:
     """The columns of a block of games that rules read and write.
 
+    In the game of a context, the rows are those of its agents, in order of creation, and `node`, `previous` and `alive`
+    are the columns of the agents themselves; `bind` sets them. Elsewhere rows are in the order of names, so modules
+    that move agents compute a row as `game * agents + agent`.
+
     Attributes:
         agents, teams: the numbers of agents and teams in a game. In a single game, agents may come and leave while the
             columns have room.
-        node: (games * agents,) the node of each agent.
-        start: (games * agents,) its node at the start of the turn.
-        previous: (games * agents,) its previous node.
-        alive: (games * agents,) 1: the agent is alive.
-        placed: (games * agents,) 1: a rule has placed the agent on its node since its move, so that it passed no node.
-        stops: (games * agents,) how often the agent was tagged, respawned or eliminated.
-        home: (games * agents,) the node where it respawns; -1: it is not in the game.
+        rows: the number of rows of a game.
+        order: (agents,) the row of each agent within a game, by the number of the agent.
+        applies_effects: whether `respawn` and `eliminate` write to the columns; False: they only add events, and the
+            caller applies these to its agents.
+        node: (games * rows,) the node of each agent.
+        start: (games * rows,) its node at the start of the turn.
+        previous: (games * rows,) its previous node.
+        alive: (games * rows,) 1: the agent is alive.
+        placed: (games * rows,) 1: a rule has placed the agent on its node since its move, so that it passed no node.
+        stops: (games * rows,) how often the agent was tagged, respawned or eliminated.
+        home: (games * rows,) the node where it respawns; -1: it is not in the game.
         turn: (games,) the number of turns played.
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,) the score of each team.
@@ -79,7 +87,7 @@ class GameColumns:
         plays: (games * teams,) 1: the team has, or had, an agent in the game.
         first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
             the open roads; 0 if there is one map.
-        edge, share: (games * agents,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
+        edge, share: (games * rows,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
             behind it; see also `by_edges`. Empty in games along one edge per turn.
         nobody: the team number of agents without a team; -1: all agents have a team.
     """
@@ -105,9 +113,13 @@ class GameColumns:
         edge: memoryview[int] = NO_INTS,
         share: memoryview[float] = NO_FLOATS,
         nobody: int = -1,
+        applies_effects: bool = True,
     ) -> None:
         self.agents = agents
         self.teams = teams
+        self.rows = agents
+        self.order = memoryview(array("q", range(agents)))
+        self.applies_effects = applies_effects
         self.node = node
         self.start = start
         self.previous = previous
@@ -124,6 +136,18 @@ class GameColumns:
         self.edge = edge
         self.share = share
         self.nobody = nobody
+
+    def row_of(self, game: int, agent: int) -> int:
+        """Return the row of an agent in a game."""
+        return game * self.rows + self.order[agent]
+
+    def bind(self, node: memoryview[int], previous: memoryview[int], alive: memoryview[int]) -> int:
+        """Set the columns of a single game, (rows,)."""
+        self.node = node
+        self.previous = previous
+        self.alive = alive
+        self.rows = len(node)
+        return 0
 
 
 class Events:
@@ -191,24 +215,29 @@ class Events:
 
 def respawn(games: GameColumns, events: Events, game: int, agent: int) -> int:
     """Place an agent, dead or alive, on its home node, alive."""
-    row = game * games.agents + agent
+    row = games.row_of(game, agent)
     node = games.home[row]
-    games.node[row] = node
-    games.previous[row] = node
-    games.alive[row] = 1
-    games.placed[row] = 1
     games.stops[row] += 1
-    if len(games.edge) > 0:
-        games.edge[row] = -1
-        games.share[row] = 0.0
+    if games.applies_effects:
+        games.node[row] = node
+        games.previous[row] = node
+        games.alive[row] = 1
+        games.placed[row] = 1
+        if len(games.edge) > 0:
+            games.edge[row] = -1
+            games.share[row] = 0.0
     return events.put(game, games.turn[game], events.rule, RESPAWNED, agent, -1, node)
 
 
 def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
-    """Eliminate an agent; do nothing if it is already eliminated."""
-    row = game * games.agents + agent
+    """Eliminate an agent; do nothing if it is already eliminated.
+
+    No rule eliminates an agent twice in one call, so the columns need not show the effects of this call.
+    """
+    row = games.row_of(game, agent)
     if games.alive[row]:
-        games.alive[row] = 0
+        if games.applies_effects:
+            games.alive[row] = 0
         games.stops[row] += 1
         events.put(game, games.turn[game], events.rule, ELIMINATED, agent, -1, games.node[row])
     return 0
@@ -251,28 +280,24 @@ def leader(games: GameColumns, game: int) -> int:
 # -- paths in a turn ---------------------------------------------------------------------------------------------------
 
 
-def take_moves(
-    games: GameColumns,
-    moves: MoveColumns,
-    columns: AgentColumns,
-    rows: memoryview[int],
-    slots: memoryview[int],
-) -> int:
-    """Write the start and end nodes of the agents of a single game, and which agents have made no move to their node.
+def take_moves(games: GameColumns, moves: MoveColumns, numbers: NodeNumbers, slots: memoryview[int]) -> int:
+    """Write the start nodes of the agents of a single game, and which agents have made no move to their node.
 
     Args:
         games: the block.
         moves: the start and end of each move.
-        columns: the agents.
-        rows: (agents,) the row of each agent in these columns.
+        numbers: the numbers of the nodes.
         slots: (agents,) the move of each agent; -1: it took no part.
     """
     for agent in range(games.agents):
-        node = columns._node_of(rows[agent])
+        row = games.row_of(0, agent)
         slot = slots[agent]
-        games.node[agent] = columns._nodes[rows[agent]]
-        games.placed[agent] = slot < 0 or node != moves.ends[slot]
-        games.start[agent] = games.node[agent] if slot < 0 else columns.numbers.number(moves.starts[slot])
+        if slot < 0:
+            games.placed[row] = 1
+            games.start[row] = games.node[row]
+        else:
+            games.placed[row] = numbers.ids[games.node[row]] != moves.ends[slot]
+            games.start[row] = numbers.number(moves.starts[slot])
     return 0
 
 
@@ -295,7 +320,7 @@ class AgentPaths:
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game."""
         for agent in range(games.agents):
-            row = game * games.agents + agent
+            row = games.row_of(game, agent)
             node = games.node[row]
             self.nodes[2 * agent] = node
             self.nodes[2 * agent + 1] = node
@@ -330,7 +355,7 @@ def fill_steps(steps: AgentPaths, games: GameColumns, game: int) -> int:
 def fill_sides(games: GameColumns, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
     """Write the sides, (agents,), of the living agents of a game from `plays`, and 0 for all others."""
     for agent in range(games.agents):
-        sides[agent] = plays[agent] if games.alive[game * games.agents + agent] else 0
+        sides[agent] = plays[agent] if games.alive[games.row_of(game, agent)] else 0
     return 0
 
 
@@ -579,31 +604,37 @@ class Tagging:
         If each agent covers at most one edge, those that meet on nodes or edges have their first or last node in
         common. This test needs no paths.
         """
-        if self.search != contacts.ON_NODES or self._share_ends(games, game, self.contacts.pieces.first):
+        if self.search != contacts.ON_NODES or self._share_ends(games, game, self.contacts.pieces):
             return True
         return not self.is_last and self.behind.may_meet(games, game)  # type: ignore[union-attr] # it is not the last
 
-    def _share_ends(self, games: GameColumns, game: int, marks: memoryview[int]) -> bool:
+    def _share_ends(self, games: GameColumns, game: int, pieces: MotionIntervals) -> bool:
         """Return whether living agents of both sides have a first or last node in common.
 
         Args:
             games: the games.
             game: the game.
-            marks: (nodes,) working memory, all -1.
+            pieces: working memory; `first` is -1 for all nodes.
         """
-        at = game * games.agents
         found = False
+        count = 0
         for agent in range(games.agents):
-            if self.plays[agent] & contacts.THEIRS and games.alive[at + agent]:
-                marks[games.start[at + agent]] = 0
-                marks[games.node[at + agent]] = 0
+            if self.plays[agent] & contacts.THEIRS:
+                row = games.row_of(game, agent)
+                if games.alive[row]:
+                    pieces.order[count] = games.start[row]
+                    pieces.order[count + 1] = games.node[row]
+                    count += 2
+        for place in range(count):
+            pieces.first[pieces.order[place]] = 0
         for agent in range(games.agents):
-            if self.plays[agent] & contacts.OURS and games.alive[at + agent] and not found:
-                found = marks[games.start[at + agent]] == 0 or marks[games.node[at + agent]] == 0
-        for agent in range(games.agents):
-            if self.plays[agent] & contacts.THEIRS and games.alive[at + agent]:
-                marks[games.start[at + agent]] = -1
-                marks[games.node[at + agent]] = -1
+            if self.plays[agent] & contacts.OURS:
+                row = games.row_of(game, agent)
+                if games.alive[row] and (pieces.first[games.start[row]] == 0 or pieces.first[games.node[row]] == 0):
+                    found = True
+                    break
+        for place in range(count):
+            pieces.first[pieces.order[place]] = -1
         return found
 
     def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
@@ -651,8 +682,7 @@ class Flags:
             deleted.
         stops: (games * flags,) `GameColumns.stops` of the carrier at the end of the last turn.
         captures: (games * teams,) the number of captures of each team.
-        starts: (games * members,) the start nodes of agents; -1: in the air.
-        members: (members,) the teams of these agents, dead or alive.
+        members: (agents,) the teams of agents on the ground, dead or alive; -1: it flies.
         taken: (flags,) working memory.
         goal: the number of captures that ends the game; 0: no limit.
         points: the points for a capture.
@@ -672,7 +702,6 @@ class Flags:
         carriers: memoryview[int],
         stops: memoryview[int],
         captures: memoryview[int],
-        starts: memoryview[int],
         members: memoryview[int],
         taken: memoryview[float],
         goal: int,
@@ -689,7 +718,6 @@ class Flags:
         self.carriers = carriers
         self.stops = stops
         self.captures = captures
-        self.starts = starts
         self.members = members
         self.taken = taken
         self.goal = goal
@@ -702,14 +730,14 @@ class Flags:
             agent = self.carriers[flag]
             if agent == NOBODY:
                 continue
-            row = game * games.agents + agent
             number = flag - game * self.flags
-            if agent == GONE or games.home[row] < 0:
+            if agent == GONE or games.home[games.row_of(game, agent)] < 0:
                 events.put(game, games.turn[game], rule, DROP, agent, number, self.base[number])
                 self.carriers[flag] = -1
-            elif not games.alive[row] or games.stops[row] != self.stops[flag]:
-                node = games.node[row]
-                events.put(game, games.turn[game], rule, DROP, agent, number, node)
+                continue
+            row = games.row_of(game, agent)
+            if not games.alive[row] or games.stops[row] != self.stops[flag]:
+                events.put(game, games.turn[game], rule, DROP, agent, number, games.node[row])
                 self.carriers[flag] = -1
         return 0
 
@@ -717,7 +745,7 @@ class Flags:
         """Store the stops of carriers, for `drop` in the next turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             if self.carriers[flag] >= 0:
-                self.stops[flag] = games.stops[game * games.agents + self.carriers[flag]]
+                self.stops[flag] = games.stops[games.row_of(game, self.carriers[flag])]
         return 0
 
     def concern(self, games: GameColumns, game: int) -> bool:
@@ -729,8 +757,10 @@ class Flags:
             carrier = self.carriers[game * self.flags + flag]
             if carrier >= 0 and self._may_be_home(games, game, carrier):
                 return True
-            for agent in range(games.agents):
-                if games.node[game * games.agents + agent] == self.base[flag] and self._may_take(agent, flag):
+        for agent in range(games.agents):
+            node = games.node[games.row_of(game, agent)]
+            for flag in range(self.flags):
+                if node == self.base[flag] and self._may_take(agent, flag):
                     return True
         return False
 
@@ -739,7 +769,7 @@ class Flags:
         team = self.takes[agent]
         if team < 0 or len(self.owners) > 0 or self.home[team] < 0:
             return True
-        return games.node[game * games.agents + agent] == self.home[team]
+        return games.node[games.row_of(game, agent)] == self.home[team]
 
     def _may_take(self, agent: int, flag: int) -> bool:
         """Return whether an agent may take a flag: it takes flags, and the flag is not its team's."""
@@ -818,7 +848,7 @@ class Flags:
             piece = pieces.order[place]
             if pieces.agents[piece] != agent or pieces.since[piece] != now:
                 continue
-            if self._is_home(game, self.takes[agent], pieces.nodes[piece]):
+            if self._is_home(games, game, self.takes[agent], pieces.nodes[piece]):
                 team = game * games.teams + self.takes[agent]
                 events.put(game, games.turn[game], rule, CAPTURE, agent, flag, pieces.nodes[piece])
                 games.score[team] += self.points
@@ -827,16 +857,15 @@ class Flags:
                 return 0
         return 0
 
-    def _is_home(self, game: int, team: int, node: int) -> bool:
+    def _is_home(self, games: GameColumns, game: int, team: int, node: int) -> bool:
         """Return whether a node is home for a team."""
         if len(self.owners) > 0:
             return self.owners[node] == team
         if self.home[team] >= 0:
             return self.home[team] == node
-        begin = game * len(self.members)
         found = False
-        for member in range(len(self.members)):
-            found = found or (self.members[member] == team and self.starts[begin + member] == node)
+        for agent in range(games.agents):
+            found = found or (self.members[agent] == team and games.home[games.row_of(game, agent)] == node)
         return found
 
     def _take(
@@ -999,7 +1028,7 @@ class TagRule(Rule):
             other = self.tags.others[tag]
             by = self.tags.taggings[tag]
             self.events.put(game, self.turn[0], self.number + by, TAG, tagger, other, self.tags.nodes[tag])
-            self.games.stops[game * self.games.agents + other] += 1
+            self.games.stops[self.games.row_of(game, other)] += 1
             self.first.score(by, self.games, game, tagger)
         for tag in range(number):
             tagger = self.tags.taggers[tag]
@@ -1113,16 +1142,18 @@ class RespawnRule(Rule):
 
     def happen(self, game: int) -> int:
         """Respawn the agents that have waited long enough."""
+        first = game * self.games.agents
         for agent in range(self.games.agents):
-            row = game * self.games.agents + agent
+            row = self.games.row_of(game, agent)
+            place = first + agent
             if self.games.alive[row] or self.games.home[row] < 0 or not self.plays[agent]:
-                self.out[row] = -1
+                self.out[place] = -1
                 continue
-            if self.out[row] < 0:
-                self.out[row] = self.games.turn[game]
-            if self.out[row] + self.wait <= self.games.turn[game] and self.times[row] != self.most:
-                self.times[row] += 1
-                self.out[row] = -1
+            if self.out[place] < 0:
+                self.out[place] = self.games.turn[game]
+            if self.out[place] + self.wait <= self.games.turn[game] and self.times[place] != self.most:
+                self.times[place] += 1
+                self.out[place] = -1
                 respawn(self.games, self.events, game, agent)
         return 0
 
@@ -1171,7 +1202,7 @@ class NoneLeftRule(Rule):
         if not self.games.plays[game * self.games.teams + self.team]:
             return 0
         for agent in range(self.games.agents):
-            if self.games.team[agent] == self.team and self.games.alive[game * self.games.agents + agent]:
+            if self.games.team[agent] == self.team and self.games.alive[self.games.row_of(game, agent)]:
                 return 0
         return end_game(self.games, self.events, game, self.number, self.winner)
 
@@ -1190,7 +1221,7 @@ class LastTeamRule(Rule):
         left = -1
         for agent in range(self.games.agents):
             team = self.games.team[agent]
-            if team != self.games.nobody and self.games.alive[game * self.games.agents + agent]:
+            if team != self.games.nobody and self.games.alive[self.games.row_of(game, agent)]:
                 if left >= 0 and team != left:
                     return 0
                 left = team
@@ -1243,7 +1274,7 @@ class ReachRule(Rule):
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set or clear the goal marks of start nodes."""
         for place in range(self.games.agents * self.games.teams if len(self.starters) > 0 else 0):
-            home = self.games.home[game * self.games.agents + place // self.games.teams]
+            home = self.games.home[self.games.row_of(game, place // self.games.teams)]
             if self.starters[place] and home >= 0:
                 self.goals[home * self.games.teams + place % self.games.teams] = mark
         return 0
@@ -1339,7 +1370,7 @@ class ArriveRule(Rule):
     def _mark_starts(self, game: int, mark: int) -> int:
         """Set the owner of start nodes."""
         for agent in range(self.games.agents if len(self.starters) > 0 else 0):
-            home = self.games.home[game * self.games.agents + agent]
+            home = self.games.home[self.games.row_of(game, agent)]
             if self.starters[agent] and home >= 0:
                 self.owners[home] = mark
         return 0

@@ -188,7 +188,7 @@ cdef class RuleMoves:
     cdef public object rules, order
     cdef public MovesForRules game
     cdef public i64 seeds
-    cdef public const i64[::1] rows, slots
+    cdef public const i64[::1] slots
 
     @cython.locals(taken=MoveColumns)
     cpdef int take_steps(self, TurnMovesInCore moves, AgentColumns columns) except -1
@@ -202,6 +202,7 @@ cdef class MovesForRules:
     cdef public object phase, state, revised, revision
     cdef public GameTurn turns
     cdef public AgentColumns block
+    cdef public object bound
     cdef public RuleMoves now, steps, tracks
     cdef public NodeNumbers numbers, edge_numbers
     cdef public object pieces

@@ -1118,7 +1118,6 @@ class RuleMoves:
     Attributes:
         games: the columns of the agents.
         numbers: numbers the nodes.
-        rows: (agents,) the row of each agent in the block.
         slots: (agents,) the move of each agent; -1: it took no part.
         game: takes the moves.
         order: the agents whose moves `slots` has; None: not known yet.
@@ -1126,11 +1125,10 @@ class RuleMoves:
         rules: makes the rules, and keeps them by key; None: none was made.
     """
 
-    def __init__(self, game: MovesForRules, games: GameColumns, rows: memoryview[int], slots: memoryview[int]) -> None:
+    def __init__(self, game: MovesForRules, games: GameColumns, slots: memoryview[int]) -> None:
         self.game = game
         self.games = games
         self.numbers = game.numbers
-        self.rows = rows
         self.slots = slots
         self.order: Any = None
         self.seeds = -1
@@ -1142,7 +1140,7 @@ class RuleMoves:
             self.slots = self.slots_of(moves.order, columns)
             self.order = moves.order
         taken = moves.in_core() if moves.columns is None else moves.columns
-        rules.take_moves(self.games, taken, columns, self.rows, self.slots)
+        rules.take_moves(self.games, taken, columns.numbers, self.slots)
         block: Any = columns
         if block.placed:
             self.note_placed(block)
@@ -1204,6 +1202,7 @@ class MovesForRules:
         keys: the number of nodes or edges for which it has room.
         turns: the turn engine.
         block: the agents.
+        bound: the column `node` of these agents that rules read; the block has another one when its memory has moved.
         revised: the object that counts the changes of the map.
         revision: the revision of the map.
         epoch: the epoch of the agents.
@@ -1226,6 +1225,7 @@ class MovesForRules:
         self.revision = revision
         self.epoch = -1
         self.block: AgentColumns
+        self.bound: object = None
         self.turn_number: memoryview[int]
         self.steps: RuleMoves
         self.tracks: RuleMoves | None = None
@@ -1243,6 +1243,8 @@ class MovesForRules:
         """Take the present agents, and the number of the turn."""
         if self.epoch != self.phase.epoch:
             self.take_agents(ctx)
+        if self.bound is not self.block.node:
+            self.bind_columns()
         self.turn_number[0] = self.state.turn
         return 0
 
@@ -1268,6 +1270,10 @@ class MovesForRules:
 
     def take_agents(self, ctx: Any) -> None:
         """Take the present agents."""
+        raise NotImplementedError
+
+    def bind_columns(self) -> None:
+        """Let rules read the memory that the block of agents uses now."""
         raise NotImplementedError
 
     def make_tracks(self) -> RuleMoves:

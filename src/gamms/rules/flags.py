@@ -220,7 +220,7 @@ class _FlagRule(FlagArguments):
         is_read = made.read == (carriers, captures, game.facts.get(key))
         roster = made.makes.turn.roster
         if fresh or not is_read:
-            self._take(data, made.kept, roster.table.teams, roster.number, roster.stops, fresh)
+            self._take(data, made.kept, roster.table.teams, roster.number, roster.no_stops, fresh)
             made.carriers = [*map(carriers.get, self.bases)]
         happened = made.play(ctx)
         for kind, name, flag in happened:

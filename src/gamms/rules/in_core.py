@@ -171,7 +171,6 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),
-        starts=memory_of(making.home),
         members=making.list_by_agent(ground, absent=-1),
         taken=floats(len(flags.bases)),
         goal=flags.goal or 0,

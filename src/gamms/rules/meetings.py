@@ -20,7 +20,7 @@ from gamms.core.agents import NodeNumbers
 from gamms.core.rules import Flags, Tagging
 from gamms.core.turn import GamePlayer, MovesForRules, RuleMoves, RuleOfGame
 from gamms.deciding import phase_of
-from gamms.errors import UnknownName
+from gamms.errors import IllegalMutation, UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
     SCORING,
@@ -103,6 +103,8 @@ _ON_NODES = core.SEARCHES["on nodes"]
 class Roster:
     """All agents of a game, dead or alive, ordered by name, and their columns, with room for more agents.
 
+    Rules read nodes and lives in the block, so the columns of the roster, too, are by the row of an agent there.
+
     Args:
         block: the agents.
         gone: the teams of deleted agents.
@@ -113,17 +115,15 @@ class Roster:
         number: name -> number of the agent.
         rows: (agents,) the row of each agent in the block; another array when agents have come or left.
         flies: (agents,) whether each agent flies.
-        alive: (agents,) whether each agent is alive; see `take_lives`.
         table: these agents in the form of a batch.
-        games: the columns of agents, for one game.
+        games: the columns of agents, for one game; `bind` them before they are read.
         turn: (1,) the number of turns played.
         placed: (room,) whether each agent was relocated after its move, in `games`.
         stops, no_stops: (room,) how often the rule that is played has stopped the agents, and zeros.
-        home: (1, room) the start nodes of agents, as far as rules read them.
+        home: (room,) the start nodes of agents, as far as rules read them.
     """
 
     flies: BoolArray
-    alive: BoolArray
     table: AgentTable
 
     def __init__(self, block: AgentBlock, gone: Collection[Hashable]) -> None:
@@ -134,13 +134,11 @@ class Roster:
         self.number: dict[str, int] = {}
         self.rows = np.zeros(0, np.int64)
         self._keys: BitArray = np.zeros(0, np.uint64)  # the hashes of the names
-        node, start, previous, stops, home, team = np.zeros((6, self.room), np.int64)
-        self._lives = np.zeros(self.room, np.bool_)
-        self._node: Any = node.data
+        start, stops, home, team = np.zeros((4, self.room), np.int64)
         self._team = team
         self.stops: Any = stops.data
         self.no_stops: Any = stops.copy().data
-        self.home = home.reshape(1, self.room)
+        self.home: Any = home.data
         self.turn = column("q", [0])
         self.placed: Any = memoryview(bytearray(self.room))
         rows, names, teams = _sort_by_name(block)
@@ -149,13 +147,13 @@ class Roster:
         self.games = rules.GameColumns(
             agents,
             len(self._all_teams),
-            node=node.data,
+            node=_NO_INTS,
             start=start.data,
-            previous=previous.data,
-            alive=self._lives.view(np.uint8).data,
+            previous=_NO_INTS,
+            alive=memoryview(bytearray()),
             placed=self.placed,
             stops=self.stops,
-            home=home.data,
+            home=self.home,
             turn=self.turn,
             over=memoryview(bytearray(1)),
             score=self._score,
@@ -163,6 +161,7 @@ class Roster:
             plays=memoryview(bytes([1]) * len(self._all_teams)),
             first_node=column("q", [0]),
             nobody=self._all_teams.index(None) if None in self._all_teams else -1,
+            applies_effects=False,
         )
         self._take(block, rows, names, teams)
 
@@ -186,7 +185,6 @@ class Roster:
         self.teams = teams
         self.number = {name: i for i, name in enumerate(names)}
         self.flies = np.asarray(block.kind)[self.rows] != 0
-        self.alive = self._lives[:agents]
         number = {team: i for i, team in enumerate(self._all_teams)}
         team_of = self._team[:agents]
         team_of[:] = [number[team] for team in teams]
@@ -195,14 +193,11 @@ class Roster:
             tuple(names), self._all_teams, team_of, self._keys, [], everyone, everyone, ~everyone, self.flies
         )
         self.games.agents = agents
+        self.games.order = self.rows.data
 
-    def take_lives(self, block: AgentBlock) -> None:
-        """Take from the block which agents are alive."""
-        self.alive[:] = np.asarray(block.alive)[self.rows]
-
-    def take_nodes(self, block: AgentBlock) -> None:
-        """Take the current nodes of the agents."""
-        self._node[: len(self.rows)] = np.asarray(block.node)[self.rows].data
+    def bind(self, block: AgentBlock) -> None:
+        """Let rules read the memory that the block uses now."""
+        self.games.bind(block.node, block.previous, block.alive.cast("B"))
 
     def take_scores(self, scores: Mapping[Any, float]) -> None:
         """Take the scores of the teams."""
@@ -212,7 +207,7 @@ class Roster:
     def take_starts(self, ctx: Context, numbers: NodeNumbers, agents: Sequence[int]) -> None:
         """Take the start nodes of agents on the ground."""
         for agent in agents:
-            self.home[0, agent] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
+            self.home[self.rows[agent]] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
 
     def members(self, ctx: Context, side: Side, takes_part: BoolArray) -> BoolArray:
         """Return which of the agents that take part are on a side, (agents,)."""
@@ -248,7 +243,6 @@ class GameRules(RuleBuilder):
         self.turn = turn
         self.room = turn.roster.room
         self.games = turn.roster.games
-        self.home = turn.roster.home
         self.events = rules.Events(16)
         self.steps = turn.steps
         self.columns = turn.columns
@@ -346,13 +340,20 @@ class GameRules(RuleBuilder):
         if not (callable(ours) or callable(theirs)):
             return super().sides(ours, theirs, air=air)
         roster = self.turn.roster
+        game = self.turn.game
         found = np.zeros(self.room, np.int64)
 
         def call(ctx: Context) -> None:
-            takes_part = roster.alive if air else roster.alive & ~roster.flies
+            is_alive = np.asarray(game.block.alive)[roster.rows]
+            takes_part = is_alive if air else is_alive & ~roster.flies
             of_agents = found[: len(takes_part)]
             of_agents[:] = roster.members(ctx, ours, takes_part)
             of_agents += 2 * roster.members(ctx, theirs, takes_part)
+            if game.bound is not game.block.node:
+                raise IllegalMutation(
+                    "A function that says which agents are on a side has created or deleted agents, or set a new team. "
+                    "Such changes belong in a rule of their own: ctx.game.add(rule)."
+                )
 
         self._in_each_turn(call)
         return found.data
@@ -525,8 +526,7 @@ class TurnContacts(RuleMoves):
     game: "GameContacts"
 
     def __init__(self, game: "GameContacts", roster: Roster, *, are_steps: bool) -> None:
-        rows: Any = roster.rows.data
-        super().__init__(game, roster.games, rows, column("q"))
+        super().__init__(game, roster.games, column("q"))
         self.roster = roster
         self.are_steps = are_steps
         self.by_metres: bool = not are_steps and game.by_metres
@@ -571,8 +571,6 @@ class TurnContacts(RuleMoves):
 
     def follow_agents(self) -> None:
         """Take agents that have come or left."""
-        rows: Any = self.roster.rows.data
-        self.rows = rows
         self.order = None
         self._order_of_slots = None
         if self.rules is not None:
@@ -591,16 +589,13 @@ class TurnContacts(RuleMoves):
     def note_placed(self, block: AgentBlock) -> None:
         """Note the agents that were relocated after their moves."""
         for row in block.placed:
-            agent = self.roster.number.get(block.names[row])
-            if agent is not None:
-                self.roster.placed[agent] = 1
+            self.roster.placed[row] = 1
 
     def follow(self, ctx: Context) -> None:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""
         moves: TurnMoves | None = self.game.state.moves
         block = ctx.agent.block
         paths = None if moves is None else moves.paths
-        self.roster.take_nodes(block)
         self._moves = moves
         if moves is not None and moves.are_latest(block):
             self._where = self._where_latest(moves)
@@ -754,6 +749,7 @@ class GameContacts(MovesForRules):
         near: unit and limit of a `ContactOptions` -> nodes near each node.
     """
 
+    block: AgentBlock
     pieces: core.MotionIntervals
     turns: TurnEngine
 
@@ -780,7 +776,6 @@ class GameContacts(MovesForRules):
         self.by_metres = ctx.game.speed_unit != "edges"
         self.edge_numbers = block.edge_numbers if self.by_metres else NodeNumbers()
         self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and the version of their set
-        self._lives: tuple[AgentBlock, int] | None = None  # the block, and the version of their lives
         self._roster: Roster | None = None
 
     def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
@@ -858,13 +853,8 @@ class GameContacts(MovesForRules):
         """Take the present agents."""
         block = ctx.agent.block
         self.epoch = self.phase.epoch
-        if self._lives == (block, block.structure.version):
-            return
-        self._lives = block, block.structure.version
         agents = block, block.structure.others
-        if self._agents == agents and self._roster is not None:
-            self._roster.take_lives(block)
-            self.forget()
+        if self._agents == agents:
             return
         self._agents = agents
         roster = self._roster
@@ -880,9 +870,15 @@ class GameContacts(MovesForRules):
             self.steps = TurnContacts(self, roster, are_steps=True)
             self.tracks = None
             self.turn_number = roster.turn
-        roster.take_lives(block)
+            self.bound = None
         self.block = block
         self.forget()
+
+    def bind_columns(self) -> None:
+        """Let rules read the memory that the block of agents uses now."""
+        assert self._roster is not None  # noqa: S101 - the agents are taken
+        self._roster.bind(self.block)
+        self.bound = self.block.node
 
     def make_tracks(self) -> TurnContacts:
         """Return new columns for moves of the present agents along several edges, or parts of edges."""

@@ -131,7 +131,6 @@ class RuleBuilder(ABC):
         most: the room for nodes of each agent in `columns`.
         legs: the legs of these agents; empty in games that count edges.
         by_metres: whether the games are by metres.
-        home: (all games, agents) the nodes where agents respawn; -1: not in the game yet.
         rules: the rule of each rule number in events.
     """
 
@@ -144,7 +143,6 @@ class RuleBuilder(ABC):
     legs: contacts.Legs
     by_metres: bool
     pieces: contacts.MotionIntervals
-    home: IntArray
     rules: list[CompiledRule]
 
     @property
@@ -229,7 +227,7 @@ class RuleBuilder(ABC):
     # The following methods do nothing for batches, whose columns hold what the rules read.
 
     def read_starts(self, agents: Callable[[], BoolArray]) -> None:  # noqa: B027
-        """Note that a rule reads the start nodes of some agents, (agents,), in `home`; see `list_by_agent`."""
+        """Note that a rule reads the start nodes of some agents, (agents,), in `games`; see `list_by_agent`."""
 
     def read_scores(self) -> None:  # noqa: B027
         """Note that a rule reads the scores of the teams."""
@@ -267,7 +265,6 @@ class BatchRules(RuleBuilder):
         self.thread = thread
         self.games = games
         self.events = events
-        self.home = state.start
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
