@@ -197,6 +197,20 @@ def test_a_function_after_a_tag_sees_the_effects_before_it_and_no_later_ones(roa
     assert [agent.name for agent in ctx.game.agents] == ["g", "r", "w"]
 
 
+def test_agents_are_respawned_after_a_function_has_deleted_an_agent_and_asked_for_contacts(road):
+    ctx = road(g=("green", 4), w=("white", 4), r=("red", 1, 2), z=("blue", 3, 2))
+
+    def delete(ctx, tagger, _):
+        ctx.agent.delete_agent(tagger.name)
+        assert contacts(ctx, "red", "white") == []
+
+    ctx.game.add(tag("green", "white", then=delete))
+    ctx.game.add(tag("red", "blue"))
+    ctx.game.step()
+    assert happened(ctx, "agent") == [("tag", "g"), ("tag", "r"), ("respawned", "z")]
+    assert ctx.agent.get_agent("z").current_node_id == 3
+
+
 def test_a_function_that_says_who_is_on_a_side_may_not_create_agents(road):
     ctx = road(r=("red", 4), b=("blue", 4))
 

@@ -467,6 +467,7 @@ class GameRule(RuleOfGame):
         ids = self.makes.turn.numbers.ids
         roster = self.makes.turn.roster
         names = roster.names
+        flies = roster.flies  # functions that are called may change the agents of the roster
         agent_of = ctx.agent.get_agent
         calls = [event for event in events if event[0] == _CALL]
         pairs = iter([(agent_of(names[agent]), agent_of(names[other])) for _, _, agent, other, _ in calls])
@@ -478,7 +479,7 @@ class GameRule(RuleOfGame):
             if kind == "respawned":
                 one = agent_of(names[agent])
                 home: Any = internals.start_of(one)
-                if roster.flies[agent] or not graph.has_node(home):
+                if flies[agent] or not graph.has_node(home):
                     game.respawn(one)
                 else:  # NOTE: as `respawn` does, but without its checks (benchmarks: peers)
                     block.put_back(block.row_of(names[agent]), home)
