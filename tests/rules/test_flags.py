@@ -36,6 +36,17 @@ def test_a_carrier_that_is_deleted_drops_its_flag(road):
     assert flag_events(ctx) == [(1, "take", "r"), (2, "drop", "r")]
 
 
+@pytest.mark.parametrize("home", [{}, {"territory": {0: "red"}}])  # nodes of no team are no home
+def test_a_carrier_that_has_left_its_team_captures_nothing(road, home):
+    ctx = road(r=("red", 7, 8, 7))
+    ctx.game.add(capture_flag(FLAGS, **home))
+    ctx.game.step()
+    ctx.agent.get_agent("r").team = None
+    ctx.game.step()
+    assert flag_events(ctx) == [(1, "take", "r")]
+    assert carriers(ctx)["blue"] == "r"
+
+
 def test_no_agent_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_for_no_team(road):
     ctx = road(b=("blue", 8), r=("red", 7, 7, 8), late=("red", 7, 7, 7, 8), nobodys=(None, 8))
     ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="red", start_node_id=8, speed=1.0)

@@ -839,10 +839,10 @@ class Flags:
     def _capture(
         self, games: GameColumns, events: Events, game: int, rule: int, pieces: MotionIntervals, flag: int, now: float
     ) -> int:
-        """Capture a flag if its carrier reaches home at this time."""
+        """Capture a flag if its carrier reaches home at this time; an agent without a team has no home."""
         row = game * self.flags + flag
         agent = self.carriers[row]
-        if agent < 0 or now <= self.taken[flag]:
+        if agent < 0 or self.takes[agent] < 0 or now <= self.taken[flag]:
             return 0
         for place in range(self.involved):
             piece = pieces.order[place]
