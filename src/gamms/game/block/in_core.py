@@ -7,6 +7,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import groupby
 from typing import Any, NamedTuple, Protocol
 
@@ -280,10 +281,14 @@ class BatchRules(RuleBuilder):
             self.columns = travel.tracks
             self.steps = travel.course
             self.legs = travel.legs
-        room = 2 * agents * (self.most + 2 * most_legs + 1)  # visits and legs, each with two entries
-        self.pieces = motion_intervals(room, keys)
+        self._room_of_pieces = 2 * agents * (self.most + 2 * most_legs + 1), keys  # visits and legs, two entries each
         self.rules = known
         self._agents_in: list[IntArray] = []  # stored columns of agent numbers, which may have been loaded
+
+    @cached_property
+    def pieces(self) -> contacts.MotionIntervals:  # type: ignore[override] # made when a rule needs it
+        """Working memory for contacts."""
+        return motion_intervals(*self._room_of_pieces)
 
     @property
     def roster(self) -> AgentTable:
