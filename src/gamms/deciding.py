@@ -11,7 +11,7 @@ from contextvars import ContextVar
 from copy import deepcopy
 from functools import wraps
 from operator import attrgetter
-from threading import get_ident
+from threading import RLock, get_ident
 from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, SupportsIndex, TypeVar, cast, overload
 
@@ -50,6 +50,7 @@ class DecidePhase(NotPickled):
             engine.
         read_turn: if `agent` is UNREAD, makes the states of agents, and the data of their sensors, of the last turn.
         are_moves_unread: whether it makes the moves of that turn, too.
+        are_memories_known: whether the program has read memories of agents, which it may hold.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
         epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
@@ -66,7 +67,16 @@ class DecidePhase(NotPickled):
     """
 
     __slots__ = (
-        *("agent", "agent_kinds", "are_moves_unread", "before_reading", "created", "epoch", "known_names", "moment"),
+        *(
+            "_is_reading",
+            "_reading",
+            "agent",
+            "agent_kinds",
+            "are_memories_known",
+            "are_moves_unread",
+            "before_reading",
+        ),
+        *("created", "epoch", "known_names", "moment"),
         *("owner_changes", "player", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
@@ -78,6 +88,9 @@ class DecidePhase(NotPickled):
         self.agent: Any = None
         self.read_turn: Callable[[], None] | None = None
         self.are_moves_unread = False
+        self.are_memories_known = False
+        self._reading = RLock()
+        self._is_reading = False
         self.moment: object = None
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
@@ -138,14 +151,25 @@ class DecidePhase(NotPickled):
 
     def read_last_turn(self) -> None:
         """Make the end of the last turn, unless it is made."""
+        if self.read_turn is not None:
+            with self._reading:  # other threads that read wait until it is made
+                self._read()
+
+    def _read(self) -> None:
         read_turn = self.read_turn
-        if read_turn is not None:
-            self.leave_unread(None)
+        if read_turn is None or self._is_reading:
+            return
+        self._is_reading = True
+        self.agent = None
+        try:
             read_turn()
+        finally:
+            self._is_reading = False
+            self.leave_unread(None)
 
     @contextmanager
     def keeping_unread(self) -> Iterator[None]:
-        """Let verbs change something of which the last turn was made, as far as it depends on that."""
+        """Let verbs change what the end of the last turn, as far as it is not made, does not depend on."""
         agent = self.agent
         if agent is UNREAD:
             self.agent = None

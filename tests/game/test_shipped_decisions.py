@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType
+from gamms.game import native
 from gamms.rules import Conflicts, reach, respawn, tag
 from gamms.strategies import chase, first, flee, goto, mix, patrol, random_walk, random_waypoints
 from gamms.typing import SensorType
@@ -15,6 +16,31 @@ from gamms.typing import SensorType
 pytestmark = pytest.mark.law
 NODES = 20
 QUIET = {"level": "CRITICAL"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def the_core_decides_at_once():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(native, "PATIENCE", 0.0)
+        yield
+
+
+def go_on(state):
+    state["memory"]["n"] = state["memory"].get("n", 0) + 1
+    state["action"] = state["draw"].choice(state["legal"])
+
+
+def teach(state):
+    state["team_memory"][state["name"]] = state["turn"]
+    state["action"] = state["legal"][-1]
+
+
+def fail_at_times(state):
+    if state["draw"].below(3) == 0:
+        raise BadType("no")
+    state["action"] = state["legal"][0]
+
+
 KINDS = {
     "walk": lambda ctx, node: random_walk,
     "goto": goto,
@@ -25,6 +51,9 @@ KINDS = {
     "mix": lambda ctx, node: mix(0.5, goto(ctx, node), random_walk),
     "first": lambda ctx, node: first(chase(ctx, otherwise=None), patrol(ctx, [node])),
     "none": lambda ctx, node: None,
+    "own": lambda ctx, node: go_on,
+    "teacher": lambda ctx, node: teach,
+    "failing": lambda ctx, node: fail_at_times,
 }
 RULES = {
     "tag": lambda: tag("red", "blue"),
@@ -56,6 +85,7 @@ def open_game(drawn, decide):
         eyes = ctx.sensor.create_sensor(f"eyes {i}", SensorType.AGENT_RANGE, sensor_range=sight)
         strategy = decide(KINDS[kind](ctx, node))
         ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=[near, eyes], strategy=strategy)
+    ctx.game.on_error = "stay"
     if has_conflicts:
         ctx.game.conflicts = Conflicts(capacity=1)
     for name in names_of_rules:
@@ -118,6 +148,14 @@ def change_team(ctx, i):
     pick(ctx, i, alive=False).team = ("red", "blue")[i % 2]
 
 
+def tell_a_team(ctx, i):
+    ctx.game.team_memories.setdefault(("red", "blue")[i % 2], {})["told"] = i
+
+
+def set_order(ctx, i):
+    ctx.game.order = (None, [["red"], ["blue", None]], [[None, "blue"], ["red"]], [["blue"], ["red"], [None]])[i % 4]
+
+
 def look_ahead(ctx, i):
     ahead = ctx.game.fork(i)
     ahead.step()
@@ -149,9 +187,14 @@ DEEDS = {
     "restore": go_back,
     "reset": lambda ctx, i: ctx.game.reset(seed=i),
     "moves": lambda ctx, i: dict(ctx.game.moves),
-    "counts": lambda ctx, i: dict(ctx.game.counts),
+    "counts": lambda ctx, i: counted(ctx),
     "memories": lambda ctx, i: {name: dict(memory) for name, memory in ctx.game.memories.items()},
 }
+
+
+def counted(ctx):
+    """Return what was counted; an agent of whom nothing was may be missing in a restored game."""
+    return {name: counts for name, counts in ctx.game.counts.items() if any(counts.values())}
 
 
 def everything(ctx):
@@ -162,7 +205,7 @@ def everything(ctx):
     ]
     game = ctx.game
     seen = [{name: sensor.data for name, sensor in agent.sensors.items()} for agent in ctx.agent.create_iter()]
-    return agents, seen, dict(game.moves), game.events, dict(game.scores), dict(game.counts), dict(game.data), game.turn
+    return agents, seen, dict(game.moves), game.events, dict(game.scores), counted(ctx), dict(game.data), game.turn
 
 
 AGENTS = st.lists(
@@ -187,7 +230,7 @@ GAMES = st.tuples(
 DONE = st.lists(st.tuples(st.integers(0, 3), st.sampled_from(sorted(DEEDS)), st.integers(0, 99)), max_size=8)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(GAMES, DONE)
 def test_a_game_of_shipped_strategies_is_one_in_which_all_are_asked(drawn, done):
     with open_game(drawn, lambda one: one) as ours, open_game(drawn, asked) as theirs:
@@ -282,3 +325,77 @@ def test_states_outlive_their_context():
         ctx.game.step()
         agents = ctx.game.agents
     assert [agent.state["turn"] for agent in agents] == [0] * 6
+
+
+def walks(decide, turns, look):
+    """Return what `look` returns after each turn of agents that remember; it gets the context and its memories."""
+    with crowd(0) as ctx:
+        for i, node in enumerate((0, 7, 13)):
+            strategy = decide(patrol(ctx, [node, 19 - node, 4]))
+            ctx.agent.create_agent(f"a{i}", start_node_id=node, team="red", strategy=strategy)
+        ctx.game.step()
+        memories = ctx.game.memories
+        found = []
+        for _ in range(turns):
+            ctx.game.step()
+            found.append(look(ctx, memories))
+        return found
+
+
+def read_all(ctx, memories):
+    return [dict(memory) for memory in memories.values()], [agent.current_node_id for agent in ctx.game.agents]
+
+
+def write_one(ctx, memories):
+    memories["a1"].clear()
+    return read_all(ctx, memories)
+
+
+@pytest.mark.parametrize("look", [read_all, write_one])
+def test_a_memory_that_a_program_holds_is_that_of_the_agent(look):
+    assert walks(lambda one: one, 12, look) == walks(asked, 12, look)
+
+
+def test_numbers_that_a_program_draws_from_a_state_are_not_drawn_again():
+    drawn = []
+    for decide in (lambda one: one, asked):
+        with crowd(0) as ctx:
+            agent = ctx.agent.create_agent("a", start_node_id=0, strategy=decide(random_walk))
+            ctx.agent.create_agent("b", start_node_id=9, strategy=decide(random_walk))
+            ctx.game.step()
+            draw = agent.state["draw"]
+            numbers = []
+            for _ in range(12):
+                ctx.game.step()
+                numbers += [draw.below(1000), agent.current_node_id, ctx.agent.get_agent("b").state["turn"]]
+                numbers.append(draw.below(1000))
+            drawn.append(numbers)
+    assert drawn[0] == drawn[1]
+
+
+def test_a_strategy_of_a_dead_agent_may_name_a_node_that_was_removed():
+    with crowd() as ctx:
+        ctx.agent.create_agent("late", start_node_id=1, strategy=goto(ctx, 19))
+        ctx.game.step()
+        ctx.game.eliminate("late")
+        ctx.graph.graph.remove_node(19)
+        assert ctx.game.step()
+
+
+@pytest.mark.parametrize("stop", [-1, -2, 99])
+def test_a_stop_that_a_program_has_written_is_looked_up_as_python_does(stop):
+    moves = []
+    for decide in (lambda one: one, asked):
+        with crowd(0) as ctx:
+            for name in "ab":
+                ctx.agent.create_agent(name, start_node_id=0, strategy=decide(patrol(ctx, [0, 7, 13])))
+            ctx.game.step()
+            (key,) = ctx.game.memories["a"]
+            ctx.game.memories["a"][key] = stop
+            try:
+                for _ in range(5):
+                    ctx.game.step()
+            except IndexError:
+                pass
+            moves.append([agent.current_node_id for agent in ctx.game.agents])
+    assert moves[0] == moves[1]

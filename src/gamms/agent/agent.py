@@ -173,6 +173,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         phase.read_last_turn()
         if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
             phase.refuse(f"read the state of agent {self.name!r}")
+        phase.are_memories_known = True
         return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
 
     @property

@@ -55,6 +55,7 @@ cdef int choose(RandomChoices choices, i64 at, const i64[::1] agents, i64 begin,
 
 cdef class TurnCounter:
     cdef readonly object clock
+    cdef public object before_draws
     cdef readonly i64 turn, begun, seeds
 
     @cython.locals(turn=i64)

@@ -282,10 +282,12 @@ class TurnCounter:
         turn: the last turn with a draw.
         begun: the number of turns begun, under any seed; streams restart when it changes.
         seeds: the number of changes of the seed.
+        before_draws: called before the first draw in a turn; None: nothing is.
     """
 
     def __init__(self, clock: Any) -> None:
         self.clock = clock
+        self.before_draws: Any = None
         self.turn = -1
         self.begun = 0
         self.seeds = 0
@@ -296,6 +298,8 @@ class TurnCounter:
 
     def _catch_up(self) -> int:
         turn: int = self.clock.turn
+        if turn != self.turn and self.before_draws is not None:
+            self.before_draws()  # which may draw
         if turn != self.turn:
             self.turn = turn
             self.begun += 1

@@ -40,7 +40,7 @@ def next_stop(stops: memoryview[int], following: memoryview[int], first: int, co
         at: the index of the current stop.
         node: the node of the agent.
     """
-    if at < count and stops[first + at] == node:
+    if 0 <= at < count and stops[first + at] == node:
         return following[first + at]
     return at
 

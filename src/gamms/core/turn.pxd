@@ -84,15 +84,19 @@ cdef class ShippedDecisions:
     cdef public GameColumns games
     cdef public OneEdgeMovers movers
     cdef const i64[::1] rows, places, ids
+    cdef const u8[::1] decides
     cdef readonly bint remembers
 
-    @cython.locals(games=GameColumns, i=i64, number=i64, place=i64, slot=i64, is_alive=bint)
-    cpdef bint decide(self, AgentColumns columns, const u8[::1] lives, i64 turn, MoveColumns to) except -1
+    @cython.locals(games=GameColumns, i=i64, number=i64, place=i64, is_alive=bint)
+    cpdef bint place(self, AgentColumns columns, const u8[::1] lives) except -1
+    @cython.locals(games=GameColumns, i=i64, slot=i64)
+    cpdef int decide(self, i64 turn, MoveColumns to) except -1
 
 
 @cython.final
 cdef class UnreadStates:
-    cdef readonly object order, part, blocked
+    cdef readonly ShippedDecisions shipped
+    cdef readonly object order, part, blocked, team_memories
     cdef readonly bytes memory
     cdef readonly i64 turn
 
@@ -135,15 +139,18 @@ cdef class GameTurn(TurnDriver):
     cdef public list observers
     cdef public Answers answers
     cdef public i64 asked, seed_changes
-    cdef public bint is_deciding, is_moving, makes_states
+    cdef public bint is_deciding, is_moving, makes_states, are_memories_in_core
     cdef public ShippedDecisions shipped
-    cdef public tuple shipped_of
-    cdef public i64 look_again, ask_until, asks_for
-    cdef public object revised, reader
+    cdef public i64 look_again, ask_until, asks_for, unread_turns, shipped_epoch, shipped_seeds
+    cdef public object revised, reader, shipped_revision
     cdef public UnreadStates unread
 
-    @cython.locals(shipped=ShippedDecisions, asked=PartInCore, to=MoveColumns, both=object)
+    @cython.locals(shipped=ShippedDecisions, to=MoveColumns, is_known=bint, is_unread=bint)
     cpdef bint decide_in_core(self, object order, object part) except -1
+    @cython.locals(asked=PartInCore, to=MoveColumns, both=object)
+    cdef MoveColumns _ask_none(self, object order, object part)
+    @cython.locals(unread=UnreadStates)
+    cdef MoveColumns _ask_rest(self, object order, object rest)
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)

@@ -52,6 +52,7 @@ except ImportError:  # Cython is not needed to run the text
 DECIDE = 0
 SETTLE = 1
 MOVE = 2
+ENOUGH_UNREAD = 8  # turns whose states were not read make up for one whose states were
 MOST_ASKED = 63  # turns for which agents are asked after the states of a turn were read
 NOT_ASKED = -1  # instead of the version of the sensors: agents are not asked one by one
 PHASES = (DECIDE, SETTLE, MOVE)
@@ -384,13 +385,14 @@ class TurnDriver:
 
 
 class ShippedDecisions:
-    """The decisions of the agents of one game, if the core has the strategies of all of them.
+    """The decisions of those agents of one game whose strategies the core has.
 
     A subclass keeps what they remember.
 
     Attributes:
         games: the columns of all agents, by name, dead or alive.
         movers: decides for them.
+        decides: (agents,) whether the core has the strategy of each agent.
         rows: (agents,) the row of each agent in the block.
         places: (numbers,) the place of each node on the map, by its number in the block; -1: it is not on the map.
         ids: (places,) the id of each node on the map.
@@ -401,6 +403,7 @@ class ShippedDecisions:
         self,
         games: GameColumns,
         movers: moves.OneEdgeMovers,
+        decides: memoryview[int],
         rows: memoryview[int],
         places: memoryview[int],
         ids: memoryview[int],
@@ -409,10 +412,15 @@ class ShippedDecisions:
     ) -> None:
         self.games = games
         self.movers = movers
+        self.decides = decides
         self.rows = rows
         self.places = places
         self.ids = ids
         self.remembers = remembers
+
+    def decides_for(self, slots: Any) -> list[bool]:
+        """Return for each of the living agents whether the core has its strategy."""
+        raise NotImplementedError
 
     def take_memories(self, *, are_known: bool) -> bool:
         """Prepare the memories for a turn; return False if one has a form that strategies do not write.
@@ -426,14 +434,12 @@ class ShippedDecisions:
         """Show the memories in the game, or what they were before the last turn."""
         raise NotImplementedError
 
-    def decide(self, columns: AgentColumns, lives: memoryview[int], turn: int, to: MoveColumns) -> bool:
-        """Write where the living agents go, in the order of their names; return False if one is not on the map.
+    def place(self, columns: AgentColumns, lives: memoryview[int]) -> bool:
+        """Take where the agents are, and which are alive; return False if a living one is not on the map.
 
         Args:
             columns: the agents.
             lives: (agents,) whether the agent of each row is alive.
-            turn: the number of turns played.
-            to: receives the ends of moves.
         """
         games = self.games
         for i in range(games.agents):
@@ -444,32 +450,56 @@ class ShippedDecisions:
                 return False
             games.node[i] = max(place, 0)
             games.alive[i] = is_alive
+        return True
+
+    def decide(self, turn: int, to: MoveColumns) -> int:
+        """Write where the agents go, among the living ones in the order of their names.
+
+        Args:
+            turn: the number of turns played.
+            to: receives the ends of moves.
+        """
+        games = self.games
         games.turn[0] = turn
         self.movers.decide(games, 0)
         slot = 0
         for i in range(games.agents):
             if games.alive[i]:
-                to.ends[slot] = self.ids[self.movers.ends[i]]
+                if self.decides[i]:
+                    to.ends[slot] = self.ids[self.movers.ends[i]]
                 slot += 1
-        return True
+        return 0
 
 
 class UnreadStates:
     """The start of a turn whose states of agents were not made, because the core has decided.
 
     Attributes:
+        shipped: has decided.
         order, part: the agents.
         memory: the columns of the agents.
         turn: the number of turns played.
         blocked: why earlier actions of agents were not executed; None: all were.
+        team_memories: what teams remembered.
     """
 
-    def __init__(self, order: Any, part: Any, memory: bytes, turn: int, blocked: Any) -> None:
+    def __init__(
+        self,
+        shipped: ShippedDecisions,
+        order: Any,
+        part: Any,
+        memory: bytes,
+        turn: int,
+        blocked: Any,
+        team_memories: dict[Any, Any],
+    ) -> None:
+        self.shipped = shipped
         self.order = order
         self.part = part
         self.memory = memory
         self.turn = turn
         self.blocked = blocked
+        self.team_memories = team_memories
 
 
 class PartInCore:
@@ -638,27 +668,35 @@ class GameTurn(TurnDriver):
         whole: the moves of the parts of the turn that were played.
         make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
         shipped: decides for all agents in the core; None: they are asked one by one.
-        shipped_of: the epoch, the changes of the seed, and the revision of the map at which `shipped` was found.
+        shipped_epoch, shipped_seeds, shipped_revision: the epoch, the changes of the seed, and the revision of the map
+            when it was looked for.
         look_again: the turn in which it is looked for again if it is None.
         makes_states: whether agents are asked in any case, so that their states are made.
         ask_until: the turn until which agents are asked all the same, because the states of turns are read.
         asks_for: the number of turns for which that was last done.
+        unread_turns: the number of turns since then whose states were not read.
         revised: the object that counts the changes of the map.
         unread: the start of the last turn if its states were not made; None: they were, or are not wanted.
-        reader: `make_states`, as `DecidePhase.read_turn`.
+        reader: `read_states`, as `DecidePhase.read_turn`.
+        are_memories_in_core: whether the memories of agents for which the core decides are newer there than in the
+            game.
     """
 
     def __init__(self, phase: Any, state: Any, make_moves: Any) -> None:
         super().__init__(phase)
         self.shipped: ShippedDecisions | None = None
-        self.shipped_of: tuple[int, int, Any] = -1, -1, None
+        self.shipped_epoch = -1
+        self.shipped_seeds = -1
+        self.shipped_revision: Any = None
         self.look_again = 0
         self.makes_states = False
         self.ask_until = 0
         self.asks_for = 0
+        self.unread_turns = 0
         self.revised: Any = None
         self.unread: UnreadStates | None = None
-        self.reader: Any = self.make_states
+        self.reader: Any = self.read_states
+        self.are_memories_in_core = False
         self.state = state
         self.make_moves = make_moves
         self.near: Any = {}
@@ -709,6 +747,26 @@ class GameTurn(TurnDriver):
 
     def _show_row(self, order: Any, memory: bytes, turn: int, blocked: Any) -> None:
         """Show the game of another moment: the number columns of the agents, and why they are blocked."""
+        raise NotImplementedError
+
+    def _copy_team_memories(self) -> dict[Any, Any]:
+        """Return a copy of what teams remember."""
+        raise NotImplementedError
+
+    def read_states(self) -> None:
+        """Call `make_states`; Ctrl-C waits until it has returned."""
+        raise NotImplementedError
+
+    def _get_drawn(self, order: Any) -> Any:
+        """Return agents whose random streams were used in this turn, and the positions of these."""
+        raise NotImplementedError
+
+    def _draw_again(self, order: Any, drawn: Any) -> None:
+        """Let random streams continue from earlier positions in this turn."""
+        raise NotImplementedError
+
+    def _split(self, order: Any, part: Any) -> tuple[Any, Any]:
+        """Return the agents of a part that are asked, None: there are none; and those for which the core decides."""
         raise NotImplementedError
 
     def _find_shipped(self, order: Any) -> None:
@@ -837,6 +895,8 @@ class GameTurn(TurnDriver):
         """
         answers = self.answers
         if observers or paths is not None or not self.decide_in_core(order, part):
+            if self.phase.read_turn is not None:
+                self.forget_states()
             self.decide(order, part, observers, paths)
         blocked = self.state.blocked
         if order.has_channels or blocked.known or blocked.stopped or answers.failures or answers.written:
@@ -846,26 +906,55 @@ class GameTurn(TurnDriver):
         return self.make_moves(order, answers.starts, answers.ends, answers.actions, answers.moves, answers.paths)
 
     def decide_in_core(self, order: Any, part: Any) -> bool:
-        """Let the core decide for the agents of a part; return False if it does not have all their strategies.
+        """Let the core decide for the agents of a part whose strategies it has, and ask the others first.
 
-        Their states are made when one is read; see `make_states`.
+        The states of the former are made when one is read; see `make_states`.
+
+        Returns:
+            False: all have to be asked.
         """
         phase = self.phase
         state = self.state
-        if self.makes_states or state.turn < self.ask_until:
-            return False
-        of = phase.epoch, self.seed_changes, None if self.revised is None else self.revised.revision
-        if of != self.shipped_of or (self.shipped is None and state.turn >= self.look_again):
+        if self.makes_states or state.turn < self.ask_until or order.slots.table.turn == state.turn:
+            return False  # in the last case, a program has drawn the numbers of this turn from the state of an agent
+        is_known = self.shipped_epoch == phase.epoch and self.shipped_seeds == self.seed_changes
+        if self.shipped is None:
+            is_known = is_known and state.turn < self.look_again
+        else:
+            is_known = is_known and self.shipped_revision == self.revised.revision
+        if not is_known:
             self._find_shipped(order)
-            self.shipped_of = of
+            self.shipped_epoch = phase.epoch
+            self.shipped_seeds = self.seed_changes
+            self.shipped_revision = self.revised.revision
         shipped = self.shipped
-        if shipped is None:
+        if shipped is None or (shipped.remembers and phase.are_memories_known):
             return False
+        block = order.block
+        rest, own = self._split(order, part)
+        if own is None or not shipped.place(block, block.alive.cast("B")):
+            return False
+        if self.unread is not None and self.unread.shipped is not shipped:
+            self.forget_states()
         is_unread = phase.read_turn is self.reader
-        if is_unread:
-            self.asks_for = 0
         if shipped.remembers and not shipped.take_memories(are_known=is_unread):
             return False
+        if is_unread:
+            self.unread_turns += 1
+        self.are_memories_in_core = shipped.remembers
+        to = self._ask_none(order, part) if rest is None else self._ask_rest(order, rest)
+        shipped.decide(state.turn, to)
+        if shipped.remembers and block.is_noting:
+            shipped.show_memories(of_start=False)
+        blocked = state.blocked
+        before = blocked.copied() if blocked.known or blocked.stopped else None
+        known = self._copy_team_memories() if state.team_memories else {}
+        self.unread = UnreadStates(shipped, order, own, bytes(block.games.memory), state.turn, before, known)
+        phase.leave_unread(self.reader)
+        return True
+
+    def _ask_none(self, order: Any, part: Any) -> MoveColumns:
+        """Return the moves of a part none of whose agents is asked: so far, all stay."""
         asked = part.in_core
         if asked is None:
             asked = part.prepare(order, NOT_ASKED)
@@ -875,17 +964,24 @@ class GameTurn(TurnDriver):
         ends = both[asked.count :]
         to = MoveColumns(starts, ends)
         asked.moving.begin(to)
-        block = order.block
-        if not shipped.decide(block, block.alive.cast("B"), state.turn, to):
-            return False
         self.answers.begin(order.slots, starts, ends, to)
-        if shipped.remembers and block.is_noting:
-            shipped.show_memories(of_start=False)
-        blocked = state.blocked
-        before = blocked.copied() if blocked.known or blocked.stopped else None
-        self.unread = UnreadStates(order, part, bytes(block.games.memory), state.turn, before)
-        phase.leave_unread(self.reader)
-        return True
+        return to
+
+    def _ask_rest(self, order: Any, rest: Any) -> MoveColumns:
+        """Ask some agents of a part; return the moves of all, the others stay so far."""
+        phase = self.phase
+        unread = self.unread if phase.read_turn is self.reader else None
+        self.unread = None
+        phase.leave_unread(None)
+        try:
+            self.decide(order, rest)
+        except BaseException:
+            if unread is not None:
+                self.unread = unread
+                phase.leave_unread(self.reader)
+            raise
+        moves: MoveColumns = self.answers.moves
+        return moves
 
     def make_states(self, part: Any = None) -> None:
         """Make the states of agents, and the data of their sensors, of the last turn that the core has decided.
@@ -901,27 +997,37 @@ class GameTurn(TurnDriver):
         order = unread.order
         if part is None:
             # NOTE: deciding twice takes longer, so programs that read every turn do without (benchmarks: turns).
-            self.asks_for = min(2 * self.asks_for + 1, MOST_ASKED)
+            self.asks_for = 1 if self.unread_turns >= ENOUGH_UNREAD else min(2 * self.asks_for + 1, MOST_ASKED)
+            self.unread_turns = 0
             self.ask_until = unread.turn + 1 + self.asks_for
+        else:
+            phase.leave_unread(None)
         self.unread = None
-        phase.leave_unread(None)
         now = bytes(order.block.games.memory), state.turn, state.blocked
+        drawn = None if state.turn == unread.turn else self._get_drawn(order)
         player = phase.player
+        team_memories = state.team_memories
         try:
             phase.player = get_ident()
-            if self.shipped is not None and self.shipped.remembers:
-                self.shipped.show_memories(of_start=True)
+            state.team_memories = unread.team_memories
+            if unread.shipped.remembers:
+                unread.shipped.show_memories(of_start=True)
             self._show_row(order, unread.memory, unread.turn, unread.blocked)
             order.slots.table.begin_again()
             self.decide(order, unread.part if part is None else part)
         finally:
             phase.player = player
+            state.team_memories = team_memories
             self._show_row(order, *now)
-            if part is not None:
+            if drawn:
+                self._draw_again(order, drawn)
+            if part is None:
+                self.are_memories_in_core = False
+            else:
                 self.unread = unread
                 phase.leave_unread(self.reader)
-                if self.shipped is not None and self.shipped.remembers and order.block.is_noting:
-                    self.shipped.show_memories(of_start=False)
+                if unread.shipped.remembers and order.block.is_noting:
+                    unread.shipped.show_memories(of_start=False)
 
     def forget_states(self) -> None:
         """Do not make the states of the last turn, which others replace."""
@@ -929,15 +1035,14 @@ class GameTurn(TurnDriver):
         self.unread = None
         if self.phase.read_turn is self.reader:
             self.phase.leave_unread(None)
-            if unread is not None and self.shipped is not None and self.shipped.remembers:
-                self.shipped.show_memories(of_start=False)
+            if unread is not None and unread.shipped.remembers:
+                unread.shipped.show_memories(of_start=False)
+                self.are_memories_in_core = False
 
     def decide(self, order: Any, part: Any, observers: Any = (), paths: Any = None) -> Any:
         """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
         phase = self.phase
         answers = self.answers
-        if phase.read_turn is not None:
-            self.forget_states()
         if order.block.flyers:
             order.block.locate()  # the nodes below
         asked = part.in_core

@@ -560,6 +560,7 @@ class Game(Surface, RuleVerbs):
                 "state['fork'] is for strategies and plans while they decide: the copy has what their agents know. "
                 "Between two turns use ctx.game.fork(seed)."
             )
+        self._turns.show_memories()
         if information == "full" and self.information != "full":
             raise BadValue(
                 "information='full' shows what agents do not know, and this game does not allow it. Set `settings: "

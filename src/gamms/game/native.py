@@ -1,10 +1,14 @@
-"""Turns that the core plays as a whole, in games that consist of shipped parts.
+"""What the core plays in one game: the decisions of shipped strategies, and whole turns of games of shipped parts.
+
+In each turn the core decides for the agents whose strategies it has: `ShippedAgents`, which `ShippedFinder` makes. All
+other phases are those of the turn engine, and the states of these agents are made when one is read; see
+`core.turn.GameTurn.decide_in_core`.
 
 A run has to call Python in every turn if a strategy, a rule, a sensor or a listener of the program takes part in it.
-If none does, the core plays the turns. The last turn of each agent leaves something that can be read: its state, the
-data of its sensors, and `ctx.game.moves`. For agents that are eliminated before the end of the run, the turn engine
-plays that turn at once. For the others it plays the moves of the last turn again when something of this is read, or
-before anything changes; see `DecidePhase.leave_unread`.
+If none does, the core plays the turns: `GameInCore`. The last turn of each agent leaves something that can be read: its
+state, the data of its sensors, and `ctx.game.moves`. For agents that are eliminated before the end of the run, the turn
+engine plays that turn at once. For the others it plays the moves of the last turn again when something of this is read,
+or before anything changes; see `DecidePhase.leave_unread`.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -35,6 +39,7 @@ from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.limits import GarbagePause
 from gamms.progress import uninterrupted
 
@@ -43,7 +48,11 @@ _ELIMINATED = rules.KINDS.index("eliminated")
 _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
 _SHORTEST_S = 1e-6  # that a clock can measure
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
-_NODES_AN_AGENT = 20  # to read so many nodes of the map takes as long as to ask an agent
+PATIENCE = 1.0  # what it costs to make columns has been spent on asking agents so many times before they are made
+_ASKS_A_GAME = 200  # to make columns takes as long as to ask so many agents,
+_ASKS_AN_AGENT = 7  # and so many for each agent,
+_NODES_AN_ASK = 20  # and one for so many nodes of the map
+_ASKS_A_SLOT = 20  # to make what is needed to ask an agent takes as long as to ask so many
 _NEVER = 1 << 62  # a turn that no game reaches
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
 _FIRST_READING = 20  # turns that it takes longer at first
@@ -145,19 +154,22 @@ class _Itself:
 
 
 class ShippedAgents(ShippedDecisions):
-    """The decisions of the agents of one game, all of which have shipped strategies.
+    """The decisions of those agents of one game that have shipped strategies.
 
     Args:
         game: the game; it has begun.
         slots: the slots of all agents, dead or alive.
         roster: the same agents.
+        decides: (agents,) whether the core decides for each.
     """
 
-    def __init__(self, game: PlayedGame, slots: Slots, roster: AgentTable) -> None:
+    def __init__(self, game: PlayedGame, slots: Slots, roster: AgentTable, decides: BoolArray) -> None:
         self._game = game
         self._slots = slots
         self._made_of = _made_of(game)
         self._inactive: frozenset[int] | None = None
+        self._names = {name for name, is_own in zip(roster.names, decides.tolist(), strict=True) if is_own}
+        self._decides = decides
         movement = movement_of(game, roster)
         state = GameArrays(roster, movement, [game.ctx.seed], np.zeros((1, len(roster.names)), np.int64))
         if game.settings()["team_memory"]:
@@ -168,7 +180,7 @@ class ShippedAgents(ShippedDecisions):
         self._core = CoreGames(game, state, block, is_apart=False, decides=True)
         self._core.prepare(None, 1)
         plans = game.settings()["plans"]
-        deciders = [decider_of(agent, plans) for agent in roster.agents]
+        deciders = [decider_of(agent, plans) for agent in roster.agents if agent.name in self._names]
         steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or () if step.key]
         self._steps = list({step.key: step for step in steps}.values())
         self._before = self._core.memory  # before the last turn
@@ -178,11 +190,17 @@ class ShippedAgents(ShippedDecisions):
         places = kernels.rows_of(columns.node_ids, np.asarray(numbers.ids)[: numbers.count], columns.node_order)
         super().__init__(
             *self._core.deciders,
+            flat(decides, np.uint8),
             slots.selection.buffer,
             flat(places, np.int64),
             flat(columns.node_ids, np.int64),
             remembers=bool(self._steps),
         )
+
+    def decides_for(self, slots: Slots) -> list[bool]:
+        """Return for each of the living agents whether the core has its strategy."""
+        found: list[bool] = self._decides[slots.places].tolist()
+        return found
 
     def is_of(self, game: PlayedGame, slots: Slots) -> bool:
         """Return whether the agents of a game, their strategies and the map are the same as when this was made."""
@@ -210,7 +228,8 @@ class ShippedAgents(ShippedDecisions):
     def _read_memories(self) -> bool:
         game = self._game
         find = game.ctx.graph.graph.get_node
-        if not all(can_read(self._steps, memory, find) for memory in game.internals.state.memories.values()):
+        known = [memory for name, memory in game.internals.state.memories.items() if name in self._names]
+        if not all(can_read(self._steps, memory, find) for memory in known):
             return False
         for key, columns in begin_steps(self._steps, game.ctx, self._state).items():
             for name, values in columns.items():
@@ -228,7 +247,8 @@ class ShippedAgents(ShippedDecisions):
         memory[...] = now
         memory_of = self._game.internals.state.memory_of
         for name, key, value in memories_of(self._state, self._steps):
-            memory_of(name)[key] = value
+            if name in self._names:
+                memory_of(name)[key] = value
 
 
 def _made_of(game: PlayedGame) -> tuple[Any, ...]:
@@ -238,7 +258,7 @@ def _made_of(game: PlayedGame) -> tuple[Any, ...]:
 
 
 class ShippedFinder:
-    """Finds the decisions of all agents of a game in the core, as `ShippedAgents`.
+    """Finds the decisions of the agents of a game in the core, as `ShippedAgents`.
 
     Args:
         game: the game.
@@ -248,17 +268,17 @@ class ShippedFinder:
         self._game = game
         self._known: ShippedAgents | None = None
         self._slots: Slots | None = None  # of the last call
-        self._revision: object = None  # of the map, and how often agents had been asked when it was new
-        self._asked = 0
+        self._made_of: tuple[Any, ...] = ()
+        self._asked = 0  # how often agents had been asked when this was new
 
     def find(self, order: TurnOrder) -> tuple[ShippedAgents | None, int]:
-        """Return the decisions; None: Python has to decide for some agent, or to make them does not pay yet.
+        """Return the decisions; None: Python has to decide for all agents, or to make them does not pay yet.
 
         Args:
             order: the living agents.
 
         Returns:
-            Also the turn in which to call this again, unless the agents, the settings or the map change before.
+            Also the turn in which to call this again, unless the agents or the settings change before.
         """
         game = self._game
         slots = order.slots.whole
@@ -267,39 +287,43 @@ class ShippedFinder:
             return self._known, 0
         self._known = None
         wait = self._turns_to_wait(order)
-        if wait:
+        if wait > 0:
             return None, game.turn + wait
         if not _may_decide(game, order):
             return None, _NEVER
         roster = AgentTable.of(agents_of(game))
-        if None in core_forms(game, roster) or any(called_each_turn(agent) for agent in roster.agents):
+        decides = _decided_in_core(game, roster)
+        if not decides.any():
             return None, _NEVER
-        self._known = ShippedAgents(game, slots, roster)
+        try:
+            self._known = ShippedAgents(game, slots, roster, decides)
+        except (BadValue, UnknownName):  # a strategy names a node that has been removed
+            return None, _NEVER
         self._known.begin_memories(order.block.inactive)
         return self._known, 0
 
     def _turns_to_wait(self, order: TurnOrder) -> int:
-        """Return the number of turns after which to read the agents and their map takes less time than it will save.
+        """Return the number of turns after which asking agents has cost as much as making the columns.
 
-        A map is read when its agents have been asked often enough, agents when they have not changed for a turn; those
-        of a first turn at once, because it takes longer to make what is needed to ask them.
+        Costs are counted in agents that are asked. What is needed to ask agents of a first turn counts for them.
         """
         game = self._game
         slots = order.slots.whole
-        are_new = slots is not self._slots
-        self._slots = slots
-        graph = game.ctx.graph.graph
+        made_of = _made_of(game)
         asked = game.internals.parts.turns.asked
-        if graph.revision != self._revision:
-            self._revision = graph.revision
+        if slots is not self._slots or made_of != self._made_of:
+            self._slots = slots
+            self._made_of = made_of
             self._asked = asked
-        agents = max(len(order.slots), 1)
-        missing = len(graph) // _NODES_AN_AGENT - (asked - self._asked + 1) * agents
-        return max(-(-missing // agents), int(are_new and slots.has_made), 0)
+        agents = len(order.slots)
+        cost = _ASKS_A_GAME + _ASKS_AN_AGENT * agents + len(game.ctx.graph.graph) // _NODES_AN_ASK
+        saved = max(agents - 1, 1)  # in each turn
+        spent = (asked - self._asked) * saved + (0 if slots.has_made else _ASKS_A_SLOT * agents)
+        return -(-int(PATIENCE * cost - spent) // saved)
 
 
 def _may_decide(game: PlayedGame, order: TurnOrder) -> bool:
-    """Return False if a quick look shows that Python has to decide for some agent."""
+    """Return False if a quick look shows that Python has to decide for all agents."""
     slots = order.slots
     if order.has_parts or order.has_channels or order.has_deeds or order.block.has_teams or not slots.are_plain:
         return False
@@ -308,7 +332,33 @@ def _may_decide(game: PlayedGame, order: TurnOrder) -> bool:
     settings = game.settings()
     strategies = {id(one): one for one in game.ctx.agent.storage.strategies() if one is not None}
     deciders = [*strategies.values(), *(plan.function for plan in settings["plans"].values())]
-    return settings["time_budget"] is None and all(strategy_spec_of(one).is_in_core for one in deciders)
+    return settings["time_budget"] is None and any(strategy_spec_of(one).is_in_core for one in deciders)
+
+
+def _decided_in_core(game: PlayedGame, roster: AgentTable) -> BoolArray:
+    """Return for which agents the core decides, (agents,); for all, none or some."""
+    plans = game.settings()["plans"]
+    deciders = [decider_of(agent, plans) for agent in roster.agents]
+    kinds = {id(one): one for one in deciders}
+    in_core = {key: one is None or strategy_spec_of(one).is_in_core for key, one in kinds.items()}
+    forms = core_forms(game, roster)
+    each = zip(forms, deciders, roster.agents, strict=True)
+    are_known = [form is not None and in_core[id(one)] and not called_each_turn(agent) for form, one, agent in each]
+    found = np.array(are_known, np.bool_)
+    if not found.all():
+        _leave_out_sharers(found, roster)
+    has_decider = np.array([one is not None for one in deciders], np.bool_)
+    return found if (found & has_decider).any() else np.zeros_like(found)
+
+
+def _leave_out_sharers(found: BoolArray, roster: AgentTable) -> None:
+    """Leave out agents that share a sensor with one that is asked: the sensor shows the last look of all."""
+    sensors = [{id(sensor) for sensor in sensors_of(agent).values()} for agent in roster.agents]
+    new = np.flatnonzero(~found).tolist()
+    while new:
+        seen = {sensor for i in new for sensor in sensors[i]}
+        new = [i for i in np.flatnonzero(found).tolist() if not seen.isdisjoint(sensors[i])]
+        found[new] = False
 
 
 class LastTurns:

@@ -9,7 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.core.agents import MovingAgents
 from gamms.core.ask import DecidingAgent, SensorCall
-from gamms.core.turn import NOT_ASKED, PartInCore, TurnPlan
+from gamms.core.turn import NOT_ASKED, PartInCore, ShippedDecisions, TurnPlan
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
@@ -68,6 +68,7 @@ class TurnPart:
         slots: the slots of all living agents.
         members: the indices of the agents' slots; None: all.
         settings: the settings of the game.
+        is_whole: whether it is a part of the order of play; or some agents of one.
 
     Attributes:
         members: the indices of the slots.
@@ -78,8 +79,9 @@ class TurnPart:
         decides_at_arrivals: whether some agents decide at each arrival.
     """
 
-    def __init__(self, slots: Slots, members: list[int] | None, settings: Settings) -> None:
+    def __init__(self, slots: Slots, members: list[int] | None, settings: Settings, *, is_whole: bool = True) -> None:
         self._slots = slots
+        self._is_whole = is_whole
         self._plans = settings.plans
         self._are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.members: Sequence[int] = range(len(slots)) if members is None else members
@@ -174,7 +176,7 @@ class TurnPart:
         """
         first = dict[Hashable, tuple[int, Any]]()  # Any: sensors that share looks are of that package
         individuals = []
-        if version != NOT_ASKED and order.whole.individuals:  # memories begin in the order of names
+        if version != NOT_ASKED and (not self._is_whole or order.whole.individuals):  # memories begin by names
             individuals = self.individuals
         sensors = [
             one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
@@ -244,6 +246,8 @@ class TurnOrder:
         in_conflict: the agents as `TurnConflicts` has made them for this order.
         plan: the phases of a turn; None: they are not known.
         acts, conflicts: whether rules act before the moves, and the conflicts, in this plan.
+        split: decisions of the core, the agents that are asked beside them, and those for which it decides; see
+            `TurnEngine`. None: not known.
         ranked_by: the last conflicts in which the team of every agent has a rank.
         in_rules: the rows of agents in the rules of the core, (agents,), and the slot of each; -1: it has none.
     """
@@ -253,7 +257,7 @@ class TurnOrder:
     __slots__ = (
         *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
         *("acts", "conflicts", "has_deeds", "has_parts", "in_conflict", "in_rules", "moving", "parts"),
-        *("plan", "ranked_by", "rows_version", "selection", "slots", "structure_version", "unlisted", "whole"),
+        *("plan", "ranked_by", "rows_version", "selection", "slots", "split", "structure_version", "unlisted", "whole"),
     )
 
     def __init__(
@@ -271,6 +275,7 @@ class TurnOrder:
         self.acts = False
         self.conflicts: object = None
         self.ranked_by: object = None
+        self.split: tuple[ShippedDecisions, TurnPart | None, TurnPart | None] | None = None
         self.in_rules: tuple[object, Any] = None, None
         self.rows_version = block.rows.version
         self.groups = order
@@ -344,7 +349,7 @@ class TurnOrder:
             counts["blocked"] += blocked
 
     def list_counts(self) -> None:
-        """Add the counted conflicts, and agents whose slots are not made, to the counts of the agents."""
+        """Add the counted conflicts, and agents that have no counts yet, to the counts of the agents."""
         for i in np.flatnonzero(self.blocked).tolist():
             self.slots.counts_of(i)["blocked"] += int(self.blocked[i])
         self.blocked.fill(0)

@@ -150,6 +150,7 @@ class RuleVerbs(Settings):
             UnknownName (KeyError): there is no such agent, or it is not alive.
         """
         one = self._agent(agent)
+        self._phase.are_memories_known = True
         slots = self._turns.order().slots
         for slot in slots:
             if slot.agent is one:
@@ -222,7 +223,9 @@ class RuleVerbs(Settings):
     def memories(self) -> Mapping[str, dict[Any, Any]]:
         """Agent -> its memory. While agents decide, each sees only its own."""
         phase = self._phase
-        phase.read_last_turn()
+        phase.read_moves()
+        self._turns.read_memories()
+        phase.are_memories_known = True
         memories = self._state.memories
         own = {name: memories.get(name, {}) for name in phase.names()} if phase.is_deciding else None
         return memories if own is None else frozen(own)

@@ -260,6 +260,11 @@ class Slots(Sequence[AgentSlot]):
         """The slots of all agents."""
         return self if self._whole is None else self._whole
 
+    @property
+    def places(self) -> Sequence[int]:
+        """The indices of these agents among all agents."""
+        return self._at
+
     def living(self, block: AgentBlock) -> "Slots":
         """Return the slots of the agents that are alive now; a slot that is made in one of them is made in all."""
         inactive = block.inactive
@@ -341,10 +346,9 @@ class Slots(Sequence[AgentSlot]):
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
 
     def list_counts(self) -> None:
-        """Add the agents whose slots are not made to the counts."""
-        for i, at in enumerate(self._at):
-            if self._made[at] is None:
-                self.counts_of(i)
+        """Add the agents to the counts."""
+        for i in range(len(self)):
+            self.counts_of(i)
 
     @property
     def departed(self) -> dict[str, IAgent]:

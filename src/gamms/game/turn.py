@@ -26,6 +26,7 @@ from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, show_numbers
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.limits import GarbagePause
+from gamms.progress import uninterrupted
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
@@ -35,6 +36,8 @@ from gamms.typing.game import AerialState, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+_FEWEST_DECIDED = 2  # agents for which to let the core decide takes no longer than asking them, if it decides for all
+_FEWEST_BESIDE = 4  # and if others are asked
 _MOST_COUNTING = 1 << 8  # orders whose moves are not in the counts of agents yet
 _MOST_KEPT = 1 << 13  # agents in orders that are kept
 CLOSED = "its way was closed"
@@ -165,6 +168,7 @@ class TurnEngine(GameTurn):
             self.update_counts()
             before = self._all_slots if made_of == self._kept_of[:-1] else None
             self._all_slots = self._slots.make_all(before, self._all_version)
+            self._all_slots.table.before_draws = self.read_states_of_turn
             self._all_version = block.structure.version
             self._kept.clear()
             self._kept_of = key
@@ -318,7 +322,7 @@ class TurnEngine(GameTurn):
             slot.show_blocked()
 
     def list_counts(self) -> None:
-        """Add conflicts, and agents whose slots are not made, to the counts."""
+        """Add conflicts, and agents that have none yet, to the counts."""
         if self.order_now is None and self.state.counts:  # the core has played all turns
             self.order()
         for order in self._counting.values():
@@ -532,10 +536,53 @@ class TurnEngine(GameTurn):
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self.state.blocked.add(slot.name, why))
 
+    def _get_drawn(self, order: TurnOrder) -> list[tuple[AgentSlot, Any]]:
+        """Return agents whose random streams were used in this turn, and the positions of these."""
+        if order.slots.table.turn != self.state.turn:
+            return []
+        each = [(slot, slot.marks()) for slot in order.slots.made()]
+        return [(slot, marks) for slot, marks in each if marks != (None, None)]
+
+    def _draw_again(self, order: TurnOrder, drawn: list[tuple[AgentSlot, Any]]) -> None:
+        """Let random streams continue from earlier positions in this turn."""
+        order.slots.table.begin_again()
+        for slot, marks in drawn:
+            slot.go_to(marks)
+
+    def _copy_team_memories(self) -> dict[Any, Any]:
+        """Return a copy of what teams remember."""
+        return {team: self.answers.team_memory(team) for team in self.state.team_memories}
+
+    def _split(self, order: TurnOrder, part: TurnPart) -> tuple[TurnPart | None, TurnPart | None]:
+        """Return the agents of a part that are asked, None: there are none; and those for which the core decides."""
+        shipped = self.shipped
+        assert shipped is not None  # noqa: S101 - it decides
+        known = order.split
+        if known is None or known[0] is not shipped:
+            known = shipped, *self._new_split(order, part, shipped.decides_for(order.slots))
+            order.split = known
+        _, rest, own = known
+        return rest, own if rest is None or rest.see_world_only else None
+
+    def _new_split(
+        self, order: TurnOrder, part: TurnPart, decides: list[bool]
+    ) -> tuple[TurnPart | None, TurnPart | None]:
+        if sum(decides) < (_FEWEST_DECIDED if all(decides) else _FEWEST_BESIDE):
+            return part, None
+        if all(decides):
+            return None, part
+        members = [[i for i, is_own in enumerate(decides) if is_own == wanted] for wanted in (False, True)]
+        asked, own = [TurnPart(order.slots, some, self._settings, is_whole=False) for some in members]
+        return asked, own
+
     def _find_shipped(self, order: TurnOrder) -> None:
         """Set `shipped` and `look_again` for the agents of an order."""
+        before = self.shipped
         if self.find_shipped is not None:
             self.shipped, self.look_again = self.find_shipped(order)
+        if before is not None and before is not self.shipped:
+            for kept in self._kept.values():
+                kept.split = None  # which would keep what it was made of
 
     def _show_row(self, order: TurnOrder, memory: bytes, turn: int, blocked: BlockedAgents | None) -> None:
         """Show the game of another moment: the number columns of the agents, and why they are blocked."""
@@ -548,6 +595,26 @@ class TurnEngine(GameTurn):
             both = {*before, *state.blocked}
             order.slots.show_blocked([order.index_of[name] for name in both if name in order.index_of])
 
+    def read_states(self) -> None:
+        """Make the states of the last turn that the core has decided; Ctrl-C waits until they are made."""
+        with uninterrupted():
+            self.make_states()
+
+    def read_states_of_turn(self) -> None:
+        """Make the states of this turn before random numbers are drawn from the state of an agent."""
+        if self.unread is not None and self.unread.turn == self.state.turn:
+            self.phase.read_last_turn()
+
+    def read_memories(self) -> None:
+        """Make the states of the last turn, and with them what agents remember, if the core has decided for some."""
+        if self.unread is not None and self.unread.shipped.remembers:
+            self.phase.read_last_turn()
+
+    def show_memories(self) -> None:
+        """Show what agents remember, for which the core decides, while others are asked."""
+        if self.shipped is not None and self.shipped.remembers and self.are_memories_in_core:
+            self.shipped.show_memories(of_start=False)
+
     def make_state_of(self, name: str) -> None:
         """Make the state of an agent in the last turn, after which it takes part in no turn."""
         unread = self.unread
@@ -555,8 +622,8 @@ class TurnEngine(GameTurn):
             self.phase.read_last_turn()
             return
         i = unread.order.index_of.get(name)
-        if i is not None:
-            self.make_states(TurnPart(unread.order.slots, [i], self._settings))
+        if i is not None and i in unread.part.members:
+            self.make_states(TurnPart(unread.order.slots, [i], self._settings, is_whole=False))
 
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""

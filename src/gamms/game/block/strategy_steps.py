@@ -128,7 +128,8 @@ def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tup
     """Return an agent's memory of a step, as numbers in its columns; None: the step has not written it."""
     try:
         if step.kind == "follow":
-            return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
+            stops = range(len(step.nodes or ()) + 1)
+            return (stops[stops.index(as_int(known, "the next stop"))],)
         target, left = known
         return row_of(target), as_int(left, "left")
     except (TypeError, ValueError, LookupError):
