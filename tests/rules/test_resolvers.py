@@ -5,7 +5,7 @@ import pytest
 import gamms
 from gamms.errors import MissingKey
 from gamms.rules import Conflicts, Contest, at_random, by_priority, by_rank, nobody
-from gamms.strategies import stay
+from gamms.strategies import random_walk, stay
 from gamms.typing.game import Move
 
 MOVERS = tuple(
@@ -187,3 +187,17 @@ def test_ranks_of_agents_are_still_asked_for_in_a_contest_only(crossing):
     crossing.game.conflicts = Conflicts(resolve=by_rank(lambda name, team: {"ann": 1}[name]))
     crossing.agent.create_agent("bob", start_node_id=8, team="blue", strategy=stay)
     play_alone(crossing, 2)
+
+
+def test_a_rank_that_fails_raises_the_same_error_in_each_turn():
+    def fail(name, team):
+        raise ZeroDivisionError(name)
+
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 4))
+        for i in range(6):
+            ctx.agent.create_agent(f"a{i}", start_node_id=i, strategy=random_walk)
+        ctx.game.conflicts = Conflicts(capacity=1, resolve=by_rank(fail))
+        for _ in range(3):
+            with pytest.raises(ZeroDivisionError):
+                ctx.game.step()

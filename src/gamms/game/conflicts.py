@@ -464,7 +464,6 @@ class _Agents(NodeConflicts):
 
     def _take_limits(self, limits: IntArray) -> None:
         """Make working memory for places with these capacities."""
-        self._limits = limits
         self._table = ConflictTable(
             self.conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes, self.places.tables
         )
@@ -475,6 +474,7 @@ class _Agents(NodeConflicts):
         self.requests = self._table.requests(self._rows.both[0].data, self._rows.both[1].data, counts, ranks)
         self.contests = self._table.contests
         self.room = self.numbers.room
+        self._limits = limits  # after what a key of ranks may raise
 
     def losers(self, places: MovePlaces, turn: int, moves_of: MovesOf, ctx: HostContext) -> memoryview:
         """Return the numbers of the agents that stay.
