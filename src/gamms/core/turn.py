@@ -677,7 +677,7 @@ class GameTurn(TurnDriver):
         unread_turns: the number of turns since then whose states were not read.
         revised: the object that counts the changes of the map.
         unread: the start of the last turn if its states were not made; None: they were, or are not wanted.
-        reader: `read_states`, as `DecidePhase.read_turn`.
+        reader: `_read_states`, as `DecidePhase.read_turn`.
         are_memories_in_core: whether the memories of agents for which the core decides are newer there than in the
             game.
     """
@@ -695,7 +695,7 @@ class GameTurn(TurnDriver):
         self.unread_turns = 0
         self.revised: Any = None
         self.unread: UnreadStates | None = None
-        self.reader: Any = self.read_states
+        self.reader: Any = self._read_states
         self.are_memories_in_core = False
         self.state = state
         self.make_moves = make_moves
@@ -753,7 +753,7 @@ class GameTurn(TurnDriver):
         """Return a copy of what teams remember."""
         raise NotImplementedError
 
-    def read_states(self) -> None:
+    def _read_states(self) -> None:
         """Call `make_states`; Ctrl-C waits until it has returned."""
         raise NotImplementedError
 
@@ -1028,6 +1028,21 @@ class GameTurn(TurnDriver):
                 phase.leave_unread(self.reader)
                 if unread.shipped.remembers and order.block.is_noting:
                     unread.shipped.show_memories(of_start=False)
+
+    def read_states_of_turn(self) -> None:
+        """Make the states of this turn before random numbers are drawn from the state of an agent."""
+        if self.unread is not None and self.unread.turn == self.state.turn:
+            self.phase.read_last_turn()
+
+    def read_memories(self) -> None:
+        """Make the states of the last turn, and with them what agents remember, if the core has decided for some."""
+        if self.unread is not None and self.unread.shipped.remembers:
+            self.phase.read_last_turn()
+
+    def show_memories(self) -> None:
+        """Show what agents remember, for which the core decides, while others are asked."""
+        if self.shipped is not None and self.shipped.remembers and self.are_memories_in_core:
+            self.shipped.show_memories(of_start=False)
 
     def forget_states(self) -> None:
         """Do not make the states of the last turn, which others replace."""

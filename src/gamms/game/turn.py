@@ -595,25 +595,10 @@ class TurnEngine(GameTurn):
             both = {*before, *state.blocked}
             order.slots.show_blocked([order.index_of[name] for name in both if name in order.index_of])
 
-    def read_states(self) -> None:
+    def _read_states(self) -> None:
         """Make the states of the last turn that the core has decided; Ctrl-C waits until they are made."""
         with uninterrupted():
             self.make_states()
-
-    def read_states_of_turn(self) -> None:
-        """Make the states of this turn before random numbers are drawn from the state of an agent."""
-        if self.unread is not None and self.unread.turn == self.state.turn:
-            self.phase.read_last_turn()
-
-    def read_memories(self) -> None:
-        """Make the states of the last turn, and with them what agents remember, if the core has decided for some."""
-        if self.unread is not None and self.unread.shipped.remembers:
-            self.phase.read_last_turn()
-
-    def show_memories(self) -> None:
-        """Show what agents remember, for which the core decides, while others are asked."""
-        if self.shipped is not None and self.shipped.remembers and self.are_memories_in_core:
-            self.shipped.show_memories(of_start=False)
 
     def make_state_of(self, name: str) -> None:
         """Make the state of an agent in the last turn, after which it takes part in no turn."""
