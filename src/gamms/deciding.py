@@ -67,17 +67,9 @@ class DecidePhase(NotPickled):
     """
 
     __slots__ = (
-        *(
-            "_is_reading",
-            "_reading",
-            "agent",
-            "agent_kinds",
-            "are_memories_known",
-            "are_moves_unread",
-            "before_reading",
-        ),
-        *("created", "epoch", "known_names", "moment"),
-        *("owner_changes", "player", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("_is_reading", "_reading", "agent", "agent_kinds", "are_memories_known", "are_moves_unread"),
+        *("before_reading", "created", "epoch", "known_names", "moment", "owner_changes", "player"),
+        *("read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -167,17 +159,6 @@ class DecidePhase(NotPickled):
             self._is_reading = False
             self.leave_unread(None)
 
-    @contextmanager
-    def keeping_unread(self) -> Iterator[None]:
-        """Let verbs change what the end of the last turn, as far as it is not made, does not depend on."""
-        agent = self.agent
-        if agent is UNREAD:
-            self.agent = None
-        try:
-            yield
-        finally:
-            self.agent = agent
-
     def names(self) -> tuple[str, ...]:
         """Return the names of the agents that decide here."""
         deciders = self._deciders()
@@ -231,7 +212,12 @@ class DecidePhase(NotPickled):
 
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
-        """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code."""
+        """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code.
+
+        Args:
+            changes_world: whether agents that decide may see another world, or states of the last turn depend on the
+                changes. Otherwise the end of the last turn stays unread.
+        """
         self.read_moves()
         if changes_world and not self.is_deciding:
             yield
@@ -328,7 +314,7 @@ def refused_while_deciding(method: Method) -> Method:
 def leaving_last_turn(method: Method) -> Method:
     """Refuse a verb while a strategy is running; the end of the last turn is not made for it.
 
-    The verb replaces it, or neither reads nor changes what it depends on.
+    The verb replaces it, or does not affect it.
     """
     return _guarded(method, makes_last_turn=False)
 

@@ -147,14 +147,16 @@ cdef class GameTurn(TurnDriver):
 
     @cython.locals(shipped=ShippedDecisions, to=MoveColumns, is_known=bint, is_unread=bint)
     cpdef bint decide_in_core(self, object order, object part) except -1
-    @cython.locals(asked=PartInCore, to=MoveColumns, both=object)
+    @cython.locals(asked=PartInCore)
     cdef MoveColumns _ask_none(self, object order, object part)
+    @cython.locals(to=MoveColumns, both=object)
+    cdef MoveColumns _begin_answers(self, object order, PartInCore asked)
     @cython.locals(unread=UnreadStates)
     cdef MoveColumns _ask_rest(self, object order, object rest)
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)
-    @cython.locals(answers=Answers, asked=PartInCore, moves=MoveColumns, both=object, alike=list, is_paused=bint)
+    @cython.locals(answers=Answers, asked=PartInCore, alike=list, is_paused=bint)
     cpdef decide(self, object order, object part, object observers=*, object paths=*)
     @cython.locals(moves=TurnMovesInCore, moving=PartInCore, block=AgentColumns)
     cpdef int move(self, i64 number) except -1

@@ -385,9 +385,7 @@ class TurnDriver:
 
 
 class ShippedDecisions:
-    """The decisions of those agents of one game whose strategies the core has.
-
-    A subclass keeps what they remember.
+    """The decisions of those agents of one game whose strategies the core has; a subclass keeps their memories.
 
     Attributes:
         games: the columns of all agents, by name, dead or alive.
@@ -431,7 +429,7 @@ class ShippedDecisions:
         raise NotImplementedError
 
     def show_memories(self, *, of_start: bool) -> None:
-        """Show the memories in the game, or what they were before the last turn."""
+        """Show the present memories in the game, or those before the last turn."""
         raise NotImplementedError
 
     def place(self, columns: AgentColumns, lives: memoryview[int]) -> bool:
@@ -477,10 +475,10 @@ class UnreadStates:
     Attributes:
         shipped: has decided.
         order, part: the agents.
-        memory: the columns of the agents.
+        memory: the number columns of the agents, as in `core.block.Block`.
         turn: the number of turns played.
         blocked: why earlier actions of agents were not executed; None: all were.
-        team_memories: what teams remembered.
+        team_memories: the memories of teams.
     """
 
     def __init__(
@@ -667,13 +665,13 @@ class GameTurn(TurnDriver):
         conflicting: the agents in the form of the core, if ranks decide conflicts; None: they are not known.
         whole: the moves of the parts of the turn that were played.
         make_moves: makes the moves of a turn: a subclass of `TurnMovesInCore`.
-        shipped: decides for all agents in the core; None: they are asked one by one.
+        shipped: decides for agents whose strategies the core has; None: all are asked.
         shipped_epoch, shipped_seeds, shipped_revision: the epoch, the changes of the seed, and the revision of the map
-            when it was looked for.
-        look_again: the turn in which it is looked for again if it is None.
+            when `shipped` was looked for.
+        look_again: the turn in which `shipped` is looked for again if it is None.
         makes_states: whether agents are asked in any case, so that their states are made.
         ask_until: the turn until which agents are asked all the same, because the states of turns are read.
-        asks_for: the number of turns for which that was last done.
+        asks_for: the number of turns for which all were last asked for this reason.
         unread_turns: the number of turns since then whose states were not read.
         revised: the object that counts the changes of the map.
         unread: the start of the last turn if its states were not made; None: they were, or are not wanted.
@@ -750,7 +748,7 @@ class GameTurn(TurnDriver):
         raise NotImplementedError
 
     def _copy_team_memories(self) -> dict[Any, Any]:
-        """Return a copy of what teams remember."""
+        """Return a copy of the memories of teams."""
         raise NotImplementedError
 
     def _read_states(self) -> None:
@@ -959,6 +957,10 @@ class GameTurn(TurnDriver):
         if asked is None:
             asked = part.prepare(order, NOT_ASKED)
             part.in_core = asked
+        return self._begin_answers(order, asked)
+
+    def _begin_answers(self, order: Any, asked: PartInCore) -> MoveColumns:
+        """Return new moves of all agents, who stay so far, and collect the answers of a part in them."""
         both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
         starts = both[: asked.count]
         ends = both[asked.count :]
@@ -1035,12 +1037,12 @@ class GameTurn(TurnDriver):
             self.phase.read_last_turn()
 
     def read_memories(self) -> None:
-        """Make the states of the last turn, and with them what agents remember, if the core has decided for some."""
+        """Make the states of the last turn, and with them the memories of agents for which the core has decided."""
         if self.unread is not None and self.unread.shipped.remembers:
             self.phase.read_last_turn()
 
     def show_memories(self) -> None:
-        """Show what agents remember, for which the core decides, while others are asked."""
+        """Show the memories of agents for which the core decides, while others are asked."""
         if self.shipped is not None and self.shipped.remembers and self.are_memories_in_core:
             self.shipped.show_memories(of_start=False)
 
@@ -1065,12 +1067,7 @@ class GameTurn(TurnDriver):
             asked = part.prepare(order, phase.sensor_changes)
             part.in_core = asked
         if asked.has_starts:
-            both: Any = memoryview(bytearray(16 * asked.count)).cast(INT64)  # type: ignore[call-overload] # as in `block`
-            starts = both[: asked.count]
-            ends = both[asked.count :]
-            moves = MoveColumns(starts, ends)
-            asked.moving.begin(moves)
-            answers.begin(order.slots, starts, ends, moves)
+            self._begin_answers(order, asked)
         else:
             answers.begin(order.slots, order.nodes(), None, None)
         answers.paths = paths

@@ -48,11 +48,11 @@ _ELIMINATED = rules.KINDS.index("eliminated")
 _MOMENT_S = 0.1  # that the core plays at once, so that Ctrl-C is noticed
 _SHORTEST_S = 1e-6  # that a clock can measure
 _FIRST_TURNS = 64  # that it plays at once, until their time is known
-PATIENCE = 1.0  # what it costs to make columns has been spent on asking agents so many times before they are made
+PATIENCE = 1.0  # before columns are made, asking agents has cost so many times as much as making them
 _ASKS_A_GAME = 200  # to make columns takes as long as to ask so many agents,
 _ASKS_AN_AGENT = 7  # and so many for each agent,
 _NODES_AN_ASK = 20  # and one for so many nodes of the map
-_ASKS_A_SLOT = 20  # to make what is needed to ask an agent takes as long as to ask so many
+_ASKS_A_SLOT = 20  # to make the slot and the state of an agent takes as long as to ask so many
 _NEVER = 1 << 62  # a turn that no game reaches
 FEWEST_TURNS = 20  # of a run: to read the game into columns takes as long as the turn engine takes for these
 _FIRST_READING = 20  # turns that it takes longer at first
@@ -166,7 +166,7 @@ class ShippedAgents(ShippedDecisions):
     def __init__(self, game: PlayedGame, slots: Slots, roster: AgentTable, decides: BoolArray) -> None:
         self._game = game
         self._slots = slots
-        self._made_of = _made_of(game)
+        self._versions = _list_versions(game)
         self._inactive: frozenset[int] | None = None
         self._names = {name for name, is_own in zip(roster.names, decides.tolist(), strict=True) if is_own}
         self._decides = decides
@@ -204,7 +204,7 @@ class ShippedAgents(ShippedDecisions):
 
     def is_of(self, game: PlayedGame, slots: Slots) -> bool:
         """Return whether the agents of a game, their strategies and the map are the same as when this was made."""
-        return slots is self._slots and self._made_of == _made_of(game)
+        return slots is self._slots and self._versions == _list_versions(game)
 
     def begin_memories(self, inactive: Collection[int]) -> None:
         """Make the memories of the living agents that have none yet; `inactive` are the rows of the dead."""
@@ -238,7 +238,7 @@ class ShippedAgents(ShippedDecisions):
         return True
 
     def show_memories(self, *, of_start: bool) -> None:
-        """Show what agents remember in the game, or what they remembered before the last turn."""
+        """Show the present memories of agents in the game, or those before the last turn."""
         memory = self._core.memory
         now = memory.copy()
         if of_start:
@@ -251,8 +251,8 @@ class ShippedAgents(ShippedDecisions):
                 memory_of(name)[key] = value
 
 
-def _made_of(game: PlayedGame) -> tuple[Any, ...]:
-    """Return what the decisions of shipped strategies depend on, besides the agents and their strategies."""
+def _list_versions(game: PlayedGame) -> tuple[Any, ...]:
+    """Return the versions of sensors, seed and map, on which the decisions of shipped strategies depend."""
     turns = game.internals.parts.turns
     return turns.sensor_changes, turns.seed_changes, game.ctx.graph.graph.revision
 
@@ -268,7 +268,7 @@ class ShippedFinder:
         self._game = game
         self._known: ShippedAgents | None = None
         self._slots: Slots | None = None  # of the last call
-        self._made_of: tuple[Any, ...] = ()
+        self._versions: tuple[Any, ...] = ()
         self._asked = 0  # how often agents had been asked when this was new
 
     def find(self, order: TurnOrder) -> tuple[ShippedAgents | None, int]:
@@ -305,15 +305,15 @@ class ShippedFinder:
     def _turns_to_wait(self, order: TurnOrder) -> int:
         """Return the number of turns after which asking agents has cost as much as making the columns.
 
-        Costs are counted in agents that are asked. What is needed to ask agents of a first turn counts for them.
+        Costs are counted in agents that are asked. The slots that are not made yet count as saved.
         """
         game = self._game
         slots = order.slots.whole
-        made_of = _made_of(game)
+        versions = _list_versions(game)
         asked = game.internals.parts.turns.asked
-        if slots is not self._slots or made_of != self._made_of:
+        if slots is not self._slots or versions != self._versions:
             self._slots = slots
-            self._made_of = made_of
+            self._versions = versions
             self._asked = asked
         agents = len(order.slots)
         cost = _ASKS_A_GAME + _ASKS_AN_AGENT * agents + len(game.ctx.graph.graph) // _NODES_AN_ASK

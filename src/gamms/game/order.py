@@ -103,7 +103,7 @@ class TurnPart:
     # NOTE: what follows is made when agents are asked, not if the core decides for them (w9 first).
 
     @cached_property
-    def _of_team(self) -> dict[Any, Sequence[int]]:
+    def _group_teams(self) -> dict[Any, Sequence[int]]:
         """Team -> the indices of the slots of its agents."""
         teams = self._slots.teams
         if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
@@ -117,7 +117,7 @@ class TurnPart:
     def observing(self) -> Sequence[int]:
         """The indices of the slots of agents whose sensors are called."""
         slots = self._slots
-        of_team = self._of_team
+        of_team = self._group_teams
         blind = {team for team in of_team if team in self._plans and self._plans[team].arrays}
         found = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
         idle = slots.idle() if found else ()
@@ -150,7 +150,7 @@ class TurnPart:
         slots = self._slots
         plans = self._plans
         found = []
-        for team, indices in self._of_team.items():
+        for team, indices in self._group_teams.items():
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]

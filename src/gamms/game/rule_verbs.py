@@ -192,7 +192,7 @@ class RuleVerbs(Settings):
         one = self._agent(agent)
         if one.alive:
             self._turns.make_state_of(one.name)
-            with self._phase.keeping_unread():
+            with self._phase.suspended(changes_world=False):  # its state is made
                 one.alive = False
             self.emit("eliminated", agent=one.name, node=one.current_node_id)
 

@@ -550,7 +550,7 @@ class TurnEngine(GameTurn):
             slot.go_to(marks)
 
     def _copy_team_memories(self) -> dict[Any, Any]:
-        """Return a copy of what teams remember."""
+        """Return a copy of the memories of teams."""
         return {team: self.answers.team_memory(team) for team in self.state.team_memories}
 
     def _split(self, order: TurnOrder, part: TurnPart) -> tuple[TurnPart | None, TurnPart | None]:
@@ -582,7 +582,7 @@ class TurnEngine(GameTurn):
             self.shipped, self.look_again = self.find_shipped(order)
         if before is not None and before is not self.shipped:
             for kept in self._kept.values():
-                kept.split = None  # which would keep what it was made of
+                kept.split = None  # it would keep the old columns
 
     def _show_row(self, order: TurnOrder, memory: bytes, turn: int, blocked: BlockedAgents | None) -> None:
         """Show the game of another moment: the number columns of the agents, and why they are blocked."""

@@ -988,7 +988,7 @@ class CoreGames:
 
     @property
     def memory(self) -> IntArray:
-        """What agents remember now, (columns, games, agents)."""
+        """The present memories of agents, (columns, games, agents)."""
         return np.zeros((0, *self._state.node.shape), np.int64) if self._by_steps is None else self._by_steps.memory
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:

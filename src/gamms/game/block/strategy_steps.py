@@ -144,7 +144,7 @@ class StrategySteps:
         steps: the steps of each agent, in the order of the roster; empty for an agent without steps.
 
     Attributes:
-        memory: (columns, games, agents) what agents remember; see `take_memories`.
+        memory: (columns, games, agents) the memories of agents; see `take_memories`.
     """
 
     def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
