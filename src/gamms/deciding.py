@@ -53,8 +53,9 @@ class DecidePhase(NotPickled):
         are_memories_known: whether the program has read memories of agents, which it may hold.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
             world may change.
-        epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, lives, speeds,
-            strategies and sensors; settings, rules, plans and collectors; sensor settings. See `core.turn.TurnPlan`.
+        epoch: a number that rises whenever the plan of a turn may change: the agents and their teams, speeds,
+            strategies and sensors, but not which of them live; settings, rules, plans and collectors; sensor settings.
+            See `core.turn.TurnPlan`.
         setting_changes: the number of changes of game settings.
         sensor_changes: the number of changes of sensor settings, and of added and removed sensors.
         owner_changes: the number of changes of sensor owners.

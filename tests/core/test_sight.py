@@ -62,7 +62,9 @@ def test_agents_that_went_to_other_nodes_are_found_there(nodes, data):
     places, sight = sight_of(at, [0] * len(nodes), 0.5)
     columns = AgentColumns()
     columns.numbers = NodeNumbers(4)
-    columns.show(np.array(nodes, np.int64).data, np.zeros(len(nodes), np.int64).data, np.full(len(nodes), np.nan).data)
+    previous = np.zeros(len(nodes), np.int64).data
+    on_nodes = np.full(len(nodes), np.nan).data
+    columns.show(np.array(nodes, np.int64).data, previous, on_nodes, np.ones(len(nodes), np.bool_).data)
     assert places.follow(columns) == sum(node != 0 for node in nodes)
     here = data.draw(st.sampled_from(nodes))
     assert sight.seen_from(here, "a0") == {f"a{i}": here for i, node in enumerate(nodes) if i and node == here}

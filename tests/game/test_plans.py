@@ -54,7 +54,6 @@ def test_moves_returns_and_tags_leave_the_plan_as_it_is(ctx):
     [
         lambda ctx: ctx.agent.create_agent("d", start_node_id=5, team="red", strategy=stand),
         lambda ctx: ctx.agent.delete_agent("c"),
-        lambda ctx: ctx.game.eliminate("c"),
         lambda ctx: setattr(ctx.agent.get_agent("a"), "team", "blue"),
         lambda ctx: setattr(ctx.agent.get_agent("a"), "speed", 2),
         lambda ctx: ctx.agent.get_agent("a").decide_by(stand),
@@ -71,6 +70,17 @@ def test_a_change_ends_the_plan(ctx, change):
     change(ctx)
     assert ctx.game.internals.parts.turns.plan() is not plan
     ctx.game.step()
+
+
+def test_deaths_and_returns_make_no_plan(ctx):
+    ctx.game.run(2)
+    plan = ctx.game.internals.parts.turns.plan()
+    for name in ("a", "b", "a", "c"):
+        agent = ctx.agent.get_agent(name)
+        agent.alive = not agent.alive
+        ctx.game.step()
+        assert {move.agent for move in ctx.game.moves.values()} == {one.name for one in ctx.game.agents}
+    assert ctx.game.internals.parts.turns.plan() is plan
 
 
 def test_conflicts_that_a_rule_sets_in_the_middle_of_a_turn_decide_the_moves_of_that_turn(ctx):

@@ -4,6 +4,7 @@ from gamms.core cimport block as blocks
 
 ctypedef long long i64
 ctypedef unsigned long long u64
+ctypedef unsigned char u8
 
 cdef u64 MASK, SPREAD
 cdef i64 FIRST_ROOM
@@ -46,7 +47,7 @@ cpdef number_nodes(const i64[::1] ids)
 
 
 cdef class AgentColumns:
-    cdef public object node, previous, share
+    cdef public object alive, node, previous, share
     cdef public list teams
     cdef public set _changed, travellers
     cdef public object under_way
@@ -57,6 +58,7 @@ cdef class AgentColumns:
     cdef i64[::1] _goals, _nodes, _origins
     cdef const i64[::1] _edges, _motions, _sources, _targets
     cdef const double[::1] _shares
+    cdef const u8[::1] _lives
 
     cpdef i64 node_of(self, Py_ssize_t row) except? -1
     cpdef i64 previous_of(self, Py_ssize_t row) except? -1
@@ -84,8 +86,17 @@ cdef class PointedColumns:
 cdef class MovingAgents:
     cdef AgentColumns columns
     cdef const i64[::1] rows
+    cdef readonly bytearray takes_part, has_begun
+    cdef u8[::1] _takes_part, _has_begun
+    cdef readonly bint are_all
     cdef int[::1] counts, blocked
 
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, is_alive=u8, are_all=bint, are_new=bint)
+    cpdef bint take_lives(self) except -1
+    cpdef bytes lives(self)
+    cpdef let_take_part(self, bytes lives)
+    @cython.locals(i=Py_ssize_t, found=list)
+    cpdef present(self, object agents)
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
     cpdef int begin(self, MoveColumns moves) except -1
     @cython.locals(i=Py_ssize_t)

@@ -153,6 +153,7 @@ class AgentColumns:
 
     Attributes:
         node, previous: (agents,) the number of the current and of the previous node of each agent, see `node_of`.
+        alive: (agents,) whether each agent takes part in turns.
         numbers: the numbers of the nodes.
         share: (agents,) the part that each agent has covered of an edge, see `progress_of`; NaN: it is on its node.
         teams: (agents,) the team of each agent; None: no team.
@@ -165,14 +166,15 @@ class AgentColumns:
     """
 
     __slots__ = (
-        *("_changed", "_edge_numbers", "_edges", "_goals", "_have_all_changed", "_journal", "_motions", "_nodes"),
-        *("_origins", "_shares", "_sources", "_targets"),
-        *("is_closed", "is_noting", "node", "numbers"),
+        *("_changed", "_edge_numbers", "_edges", "_goals", "_have_all_changed", "_journal", "_lives", "_motions"),
+        *("_nodes", "_origins", "_shares", "_sources", "_targets"),
+        *("alive", "is_closed", "is_noting", "node", "numbers"),
         *("previous", "share", "teams", "travellers", "under_way", "version"),
     )
 
     node: memoryview[int]
     previous: memoryview[int]
+    alive: memoryview[bool]
     numbers: NodeNumbers
     _edge_numbers: NodeNumbers | None
     share: memoryview[float]
@@ -196,11 +198,15 @@ class AgentColumns:
         self.is_closed = journal.is_closed
         self.is_noting = not journal.is_silent
 
-    def show(self, node: memoryview[int], previous: memoryview[int], share: memoryview[float]) -> None:
+    def show(
+        self, node: memoryview[int], previous: memoryview[int], share: memoryview[float], alive: memoryview[bool]
+    ) -> None:
         """Use these arrays, (agents,), as the columns of these names."""
         self.node = node
         self.previous = previous
         self.share = share
+        self.alive = alive
+        self._lives = alive.cast("B")
         self._shares = share
         self._nodes = node
         self._origins = previous
@@ -360,11 +366,14 @@ class PointedColumns:
 
 
 class MovingAgents:
-    """The agents of one game that take part in a turn.
+    """The agents of one game, dead or alive, in the order of turns.
 
     Attributes:
-        columns: the columns of all agents.
-        rows: (agents,) the row of each agent of the turn.
+        columns: their columns.
+        rows: (agents,) the row of each agent.
+        takes_part: (agents,) whether each was alive when the present part of a turn began; see `take_lives`.
+        are_all: whether all were.
+        has_begun: (agents,) whether each has taken part in some turn.
         counts: (agents,) the number of moves to another node that each has made.
         blocked: (agents,) the number of moves of each that were stopped.
     """
@@ -374,8 +383,48 @@ class MovingAgents:
     ) -> None:
         self.columns = columns
         self.rows = rows
+        self.takes_part = bytearray(len(rows))
+        self.has_begun = bytearray(len(rows))
+        self._takes_part = memoryview(self.takes_part)
+        self._has_begun = memoryview(self.has_begun)
+        self.are_all = len(rows) == 0
         self.counts = counts
         self.blocked = blocked
+
+    def take_lives(self) -> bool:
+        """Let the agents take part that are alive now; return whether one of them does so for the first time."""
+        columns = self.columns
+        are_all = True
+        are_new = False
+        for i in range(len(self.rows)):
+            is_alive = columns._lives[self.rows[i]]
+            self._takes_part[i] = is_alive
+            if not is_alive:
+                are_all = False
+            elif not self._has_begun[i]:
+                self._has_begun[i] = 1
+                are_new = True
+        self.are_all = are_all
+        return are_new
+
+    def lives(self) -> bytes:
+        """Return which agents take part, (agents,), for `let_take_part`."""
+        return bytes(self.takes_part)
+
+    def let_take_part(self, lives: bytes) -> None:
+        """Let other agents take part."""
+        self.takes_part[:] = lives
+        self.are_all = 0 not in lives
+
+    def present(self, agents: Any) -> Any:
+        """Return those of some agents that take part; the same object if all agents do."""
+        if self.are_all:
+            return agents
+        found = []
+        for i in agents:
+            if self._takes_part[i]:
+                found.append(i)  # noqa: PERF401 - a comprehension is not compiled as well
+        return found
 
     def begin(self, moves: MoveColumns) -> int:
         """Set the start and the end of each move to the agent's current node (IndexError: a row does not exist)."""

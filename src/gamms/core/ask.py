@@ -303,7 +303,7 @@ def ask_each(
     movers: MovingAgents,
     search: Any,
 ) -> int:
-    """Call the strategies of agents one by one, and store their actions.
+    """Call the strategies of agents one by one, if they take part, and store their actions.
 
     All agents decide from the same state of the game: nothing may change in between. After the call, `phase.agent` is
     still the last agent.
@@ -319,7 +319,7 @@ def ask_each(
         moves: the moves of all agents, by slot; the ends are written.
         near: node id -> the nodes that are legal along one edge.
         alike: the data that each group of equal sensors shares: a `RangeSearch`, `NodeViews`, or None.
-        movers: the rows of all agents, by slot.
+        movers: all agents, by slot.
         search: finds the paths of agents by metres, as a `TravelSearch`.
     """
     make = answers.make
@@ -333,6 +333,8 @@ def ask_each(
     for place in range(len(individuals)):
         one = individuals[place]
         i = slots[place]
+        if not movers._takes_part[i]:
+            continue
         here = moves.starts[i]
         if one.template is None:
             phase.agent = None

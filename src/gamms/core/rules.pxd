@@ -57,7 +57,9 @@ cdef i64 leader(GameColumns games, i64 game) except? -1 nogil
 
 
 @cython.locals(agent=i64, row=i64, slot=i64)
-cpdef int take_moves(GameColumns games, MoveColumns moves, NodeNumbers numbers, const i64[::1] slots) except -1
+cpdef int take_moves(
+    GameColumns games, MoveColumns moves, NodeNumbers numbers, const i64[::1] slots, bytes took_part
+) except -1
 
 
 cdef class AgentPaths:

@@ -280,19 +280,22 @@ def leader(games: GameColumns, game: int) -> int:
 # -- paths in a turn ---------------------------------------------------------------------------------------------------
 
 
-def take_moves(games: GameColumns, moves: MoveColumns, numbers: NodeNumbers, slots: memoryview[int]) -> int:
+def take_moves(
+    games: GameColumns, moves: MoveColumns, numbers: NodeNumbers, slots: memoryview[int], took_part: bytes
+) -> int:
     """Write the start nodes of the agents of a single game, and which agents have made no move to their node.
 
     Args:
         games: the block.
         moves: the start and end of each move.
         numbers: the numbers of the nodes.
-        slots: (agents,) the move of each agent; -1: it took no part.
+        slots: (agents,) the move of each agent; -1: it has none.
+        took_part: whether the agent of each move took part.
     """
     for agent in range(games.agents):
         row = games.row_of(0, agent)
         slot = slots[agent]
-        if slot < 0:
+        if slot < 0 or not took_part[slot]:
             games.placed[row] = 1
             games.start[row] = games.node[row]
         else:

@@ -121,7 +121,7 @@ cdef class AgentIndex:
     cdef public AgentPositions agents
     cdef public dict sights
     cdef public AgentColumns entered
-    cdef public i64 epoch
+    cdef public i64 epoch, version
 
     cpdef shared_look(self, double radius)
     @cython.locals(entered=AgentColumns, sight=RangeSearch)

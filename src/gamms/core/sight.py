@@ -526,6 +526,7 @@ class AgentIndex:
         sights: radius -> search.
         entered: the agents whose positions were entered last, if all were on nodes; None: not all were.
         epoch: the epoch of the context when they were entered.
+        version: the version of the set of living agents at that time; see `ir.columns.StructureLog`.
         revised: the object that counts the changes of the map.
         revision: the revision of the map when they were entered.
         moment: the moment at which the positions were last checked.
@@ -537,6 +538,7 @@ class AgentIndex:
         self.sights: dict[float, RangeSearch] = {}
         self.entered: AgentColumns | None = None
         self.epoch = 0
+        self.version = 0
         self.revised: Any = None
         self.revision: Any = None
         self.moment: Any = None
@@ -551,9 +553,10 @@ class AgentIndex:
     def follow(self) -> bool:
         """Update the positions if agents have only moved to nodes since; return whether this was possible."""
         entered = self.entered
-        if entered is None or self.epoch != self.phase.epoch or self.revision != self.revised.revision:
+        agents: Any = entered
+        if entered is None or self.epoch != self.phase.epoch or self.version != agents.structure.version:
             return False
-        if entered.travellers:
+        if entered.travellers or self.revision != self.revised.revision:
             return False
         if self.agents.follow(entered) > 0:
             for sight in self.sights.values():

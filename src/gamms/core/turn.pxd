@@ -84,12 +84,12 @@ cdef class ShippedDecisions:
     cdef public GameColumns games
     cdef public OneEdgeMovers movers
     cdef const i64[::1] rows, places, ids
-    cdef const u8[::1] decides
+    cdef readonly const u8[::1] decides
     cdef readonly bint remembers
 
     @cython.locals(games=GameColumns, i=i64, number=i64, place=i64, is_alive=bint)
-    cpdef bint place(self, AgentColumns columns, const u8[::1] lives) except -1
-    @cython.locals(games=GameColumns, i=i64, slot=i64)
+    cpdef bint place(self, AgentColumns columns) except -1
+    @cython.locals(games=GameColumns, i=i64)
     cpdef int decide(self, i64 turn, MoveColumns to) except -1
 
 
@@ -122,6 +122,7 @@ cdef class Answers:
 
 cdef class TurnMovesInCore:
     cdef public object order, starts, ends, paths, slots, by_names
+    cdef public bytes took_part
     cdef public dict actions
     cdef public MoveColumns columns
     cdef public i64 applied
@@ -170,6 +171,7 @@ cdef class NodeConflicts:
     cdef public Contests contests
     cdef public MoveRequests requests
     cdef i64[::1] found
+    cdef public bytearray takes_part
     cdef public i64 room
     cdef public object order, conflicts, allow_swaps
 

@@ -416,10 +416,6 @@ class ShippedDecisions:
         self.ids = ids
         self.remembers = remembers
 
-    def decides_for(self, slots: Any) -> list[bool]:
-        """Return for each of the living agents whether the core has its strategy."""
-        raise NotImplementedError
-
     def take_memories(self, *, are_known: bool) -> bool:
         """Prepare the memories for a turn; return False if one has a form that strategies do not write.
 
@@ -432,18 +428,17 @@ class ShippedDecisions:
         """Show the present memories in the game, or those before the last turn."""
         raise NotImplementedError
 
-    def place(self, columns: AgentColumns, lives: memoryview[int]) -> bool:
+    def place(self, columns: AgentColumns) -> bool:
         """Take where the agents are, and which are alive; return False if a living one is not on the map.
 
         Args:
             columns: the agents.
-            lives: (agents,) whether the agent of each row is alive.
         """
         games = self.games
         for i in range(games.agents):
             number = columns._nodes[self.rows[i]]
             place = self.places[number] if number < len(self.places) else -1
-            is_alive = lives[self.rows[i]]
+            is_alive = columns._lives[self.rows[i]]
             if place < 0 and is_alive:
                 return False
             games.node[i] = max(place, 0)
@@ -451,7 +446,7 @@ class ShippedDecisions:
         return True
 
     def decide(self, turn: int, to: MoveColumns) -> int:
-        """Write where the agents go, among the living ones in the order of their names.
+        """Write where the agents go that are alive.
 
         Args:
             turn: the number of turns played.
@@ -460,12 +455,9 @@ class ShippedDecisions:
         games = self.games
         games.turn[0] = turn
         self.movers.decide(games, 0)
-        slot = 0
         for i in range(games.agents):
-            if games.alive[i]:
-                if self.decides[i]:
-                    to.ends[slot] = self.ids[self.movers.ends[i]]
-                slot += 1
+            if games.alive[i] and self.decides[i]:
+                to.ends[i] = self.ids[self.movers.ends[i]]
         return 0
 
 
@@ -508,8 +500,8 @@ class PartInCore:
         sensors, numbers: for each of them, its sensors and the index of its slot.
         looks: for each group of equal sensors of them, a function that returns their shared search.
         version: the version of the sensors.
-        moving: all agents.
-        count: the number of all agents.
+        moving: all agents, dead or alive.
+        count: their number.
         has_starts: whether the nodes of all agents are written before they decide; not if plans decide for all.
         see_world_only: whether all sensors look only at the graph and the agents.
         has_plans: whether plans decide for some agents.
@@ -600,6 +592,7 @@ class TurnMovesInCore:
         order: the agents.
         starts, ends: the nodes where the move of each agent begins and ends.
         slots: the slots of the agents.
+        took_part: (agents,) whether each took part; the others stay, and have no move.
         actions: slot -> its action, if it flies, turns or does deeds.
         columns: the starts and ends as arrays of the core; None: not known yet.
         paths: the paths of agents that do more than to move along one edge; None: there are none.
@@ -615,7 +608,9 @@ class TurnMovesInCore:
         actions: dict[int, Any],
         columns: MoveColumns | None = None,
         paths: Any = None,
+        took_part: bytes | None = None,
     ) -> None:
+        self.took_part = order.moving.lives() if took_part is None else took_part
         self.order = order
         self.starts = starts
         self.ends = ends
@@ -631,14 +626,14 @@ class TurnMovesInCore:
         raise NotImplementedError
 
     def are_steps(self, block: AgentColumns) -> bool:
-        """Return whether all living agents took part on the ground, each along at most one edge."""
+        """Return whether all agents that took part did on the ground, each along at most one edge."""
         order = self.order
         agents: Any = block
         if agents.travellers or order.whole.on_ground is not None:
             return False
-        if order.structure_version != agents.structure.version:
+        if order.entries != agents.structure.entries:
             has_same_rows = order.rows_version == agents.rows.version and not agents.removed
-            if order.structure_version < 0 or not has_same_rows:
+            if order.entries < 0 or not has_same_rows:
                 return False
         return self.paths is None or self.paths.are_steps()
 
@@ -657,7 +652,7 @@ class GameTurn(TurnDriver):
         is_moving: whether agents are deciding and moving now.
         seed_changes: the number of changes of the context's seed.
         observers: called in every turn with the agents and their states before any agent decides, in order.
-        order_now: the living agents; None: they are not known.
+        order_now: the agents; None: they are not known.
         moves_of: the agents with which the moves of the turn began.
         checked: the last plan whose teams may all play.
         rules, collectors: those of the game.
@@ -720,7 +715,7 @@ class GameTurn(TurnDriver):
         raise NotImplementedError
 
     def _follow_order(self) -> None:
-        """Notice that a rule has changed the order of play."""
+        """Notice that a rule has changed the order of play, and count the moves of orders that were replaced."""
         raise NotImplementedError
 
     def _apply_rules(self, phase: str) -> None:
@@ -825,10 +820,12 @@ class GameTurn(TurnDriver):
 
     def begin_moves(self, plan: TurnPlan) -> int:
         """Refuse a plan in which a team is left out, and prepare its phases."""
-        if plan is not self.checked:
+        order = plan.order
+        if order.moving.take_lives():
+            order.begin_more()
+        if plan is not self.checked or order.may_be_refused:
             self._check(plan)
             self.checked = plan
-        order = plan.order
         self.moves_of = order
         self.groups = order.groups
         self.spent = self.state.timings
@@ -875,13 +872,15 @@ class GameTurn(TurnDriver):
         self.part = number
         if number > self.first:
             state.moves = self.whole  # for those that decide now
+            if order.moving.take_lives():
+                order.begin_more()
         if part.decides_at_arrivals:
             moves = self._ask_at_arrivals(order, part, self.observers)
         else:
             moves = self.ask(order, part, self.observers)
         state.moves = moves
         if order.whole.paced:
-            moves.let_stand(order.whole.paced, self.travel)
+            moves.let_stand(order.moving.present(order.whole.paced), self.travel)
         return 0
 
     def ask(self, order: Any, part: Any, observers: Any, paths: Any = None) -> Any:
@@ -930,7 +929,7 @@ class GameTurn(TurnDriver):
             return False
         block = order.block
         rest, own = self._split(order, part)
-        if own is None or not shipped.place(block, block.alive.cast("B")):
+        if own is None or not shipped.place(block):
             return False
         if self.unread is not None and self.unread.shipped is not shipped:
             self.forget_states()
@@ -1006,6 +1005,7 @@ class GameTurn(TurnDriver):
             phase.leave_unread(None)
         self.unread = None
         now = bytes(order.block.games.memory), state.turn, state.blocked
+        lives = order.moving.lives()
         drawn = None if state.turn == unread.turn else self._get_drawn(order)
         player = phase.player
         team_memories = state.team_memories
@@ -1016,11 +1016,13 @@ class GameTurn(TurnDriver):
                 unread.shipped.show_memories(of_start=True)
             self._show_row(order, unread.memory, unread.turn, unread.blocked)
             order.slots.table.begin_again()
+            order.moving.take_lives()
             self.decide(order, unread.part if part is None else part)
         finally:
             phase.player = player
             state.team_memories = team_memories
             self._show_row(order, *now)
+            order.moving.let_take_part(lives)
             if drawn:
                 self._draw_again(order, drawn)
             if part is None:
@@ -1140,7 +1142,7 @@ class GameTurn(TurnDriver):
             self._apply_actions(moves, part, block)
         if block.placed:
             rows = order.selection.rows
-            block.placed.difference_update([rows[i] for i in part.members])
+            block.placed.difference_update([rows[i] for i in order.moving.present(part.members)])
         if moves.paths is not None and not (block.placed or order.has_parts or block.flyers):
             moves.applied = block.version
         return 0
@@ -1166,6 +1168,7 @@ class NodeConflicts:
         rows: the starts and the ends of moves as numbers of places.
         room: the number of nodes for which there is working memory.
         order: the agents, in the form of the turn engine.
+        takes_part: (agents,) whether each takes part; the others are in no conflict.
         conflicts: the conflicts.
         allow_swaps: whether they allowed agents to exchange nodes, when working memory was made.
         contests, requests: working memory, and the moves in the form of `core.conflicts`.
@@ -1173,6 +1176,7 @@ class NodeConflicts:
     """
 
     def __init__(self, numbers: NodeNumbers, rows: MoveColumns, found: memoryview[int]) -> None:
+        self.takes_part = bytearray(len(found))
         self.numbers = numbers
         self.rows = rows
         self.found = found
@@ -1188,6 +1192,7 @@ class NodeConflicts:
         if moves.order is not self.order or moves.columns is None or moves.paths is not None or moves.actions:
             return False
         is_same: bool = self.conflicts.allow_swaps == self.allow_swaps
+        self.takes_part[:] = moves.took_part
         return is_same and self.write(moves.columns) and self.resolve(turn) == 0
 
     def write(self, moves: MoveColumns) -> bool:
@@ -1257,7 +1262,7 @@ class RuleMoves:
             self.slots = self.slots_of(moves.order, columns)
             self.order = moves.order
         taken = moves.in_core() if moves.columns is None else moves.columns
-        rules.take_moves(self.games, taken, columns.numbers, self.slots)
+        rules.take_moves(self.games, taken, columns.numbers, self.slots, moves.took_part)
         block: Any = columns
         if block.placed:
             self.note_placed(block)

@@ -184,6 +184,7 @@ class Conflicts:
         listed = sorted(moves.values(), key=_name_of)
         starts, ends = [[move.places[which] for move in listed] for which in (0, 1)]
         agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], (), ctx)
+        agents.takes_part[:] = bytes([1]) * len(listed)
         found = agents.losers(
             (starts, ends), ctx.game.turn, lambda rows: {listed[i].agent: listed[i] for i in rows}, ctx
         )
@@ -279,18 +280,18 @@ class TurnConflicts:
         self._forgotten += 1
 
     def check_teams(self, conflicts: IConflicts, order: TurnOrder) -> None:
-        """Refuse living agents on the ground whose team has no rank; call it before each turn.
+        """Refuse agents on the ground that take part, and whose team has no rank; call it before each turn.
 
         Raises:
             LookupError: of the rank function, such as `MissingKey` of `by_priority`.
         """
-        if order.ranked_by is conflicts:
-            return
-        flying = set(order.slots.flying)
-        for i in np.flatnonzero(unranked(conflicts, order.names, order.all_teams())).tolist():
-            if i not in flying:
-                refuse_unranked(conflicts, order.names[i], order.all_teams()[i])
-        order.ranked_by = conflicts
+        if order.ranked_by is not conflicts:
+            flying = set(order.slots.flying)
+            found = np.flatnonzero(unranked(conflicts, order.names, order.all_teams())).tolist()
+            order.unranked = [i for i in found if i not in flying]
+            order.ranked_by = conflicts
+        for i in order.moving.present(order.unranked):
+            refuse_unranked(conflicts, order.names[i], order.all_teams()[i])
 
     def losers(
         self,
@@ -298,6 +299,7 @@ class TurnConflicts:
         order: TurnOrder,
         turn: int,
         places: MovePlaces,
+        took_part: bytes,
         moves_of: MovesOf,
         ctx: HostContext,
     ) -> memoryview:
@@ -305,8 +307,9 @@ class TurnConflicts:
 
         Args:
             conflicts: the conflicts of the game.
-            order: the living agents.
+            order: the agents.
             turn: the number of turns played.
+            took_part: (agents,) whether each takes part.
             places: the start and the end of each move, by slot: columns of node ids, or lists that may have edges.
             moves_of: returns the moves of slots, by name and in order.
             ctx: the context.
@@ -323,9 +326,10 @@ class TurnConflicts:
             self._conflicts = conflicts
             self._allows_swaps = allows_swaps
         if self._agents is not None:
+            self._agents.takes_part[:] = took_part
             return self._agents.losers(places, turn, moves_of, ctx)
         ground = order.whole.on_ground
-        movers = range(len(order.slots)) if ground is None else ground
+        movers = [i for i in (range(len(order.slots)) if ground is None else ground) if took_part[i]]
         stay = conflicts.resolve(moves_of([*movers]), ctx)
         return memoryview(array("q", [i for i in movers if order.names[i] in stay]))
 
@@ -470,8 +474,8 @@ class _Agents(NodeConflicts):
         ranks = self._table.ranks
         if ranks is None:
             ranks = kernels.first_key_rows(np.array([self._purpose], np.uint64), kernels.name_keys(self._names))
-        counts = memoryview(bytes([1]) * len(self._names))
-        self.requests = self._table.requests(self._rows.both[0].data, self._rows.both[1].data, counts, ranks)
+        rows = self._rows.both
+        self.requests = self._table.requests(rows[0].data, rows[1].data, memoryview(self.takes_part), ranks)
         self.contests = self._table.contests
         self.room = self.numbers.room
         self._limits = limits  # after what a key of ranks may raise

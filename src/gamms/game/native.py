@@ -136,7 +136,7 @@ def _key_of(game: PlayedGame, roster: AgentTable, past: Any) -> tuple[Any, ...]:
         *(past, game.ctx.graph.graph, game.ctx.graph.storage.changes()),
         [_Itself(value) for value in game.settings().values()],
         [tuple(sensors_of(agent).items()) for agent in agents],
-        game.internals.parts.turns.sensor_changes,
+        game.internals.parts.turns.phase.sensor_changes,
     )
 
 
@@ -169,7 +169,6 @@ class ShippedAgents(ShippedDecisions):
         self._versions = _list_versions(game)
         self._inactive: frozenset[int] | None = None
         self._names = {name for name, is_own in zip(roster.names, decides.tolist(), strict=True) if is_own}
-        self._decides = decides
         movement = movement_of(game, roster)
         state = GameArrays(roster, movement, [game.ctx.seed], np.zeros((1, len(roster.names)), np.int64))
         if game.settings()["team_memory"]:
@@ -196,11 +195,6 @@ class ShippedAgents(ShippedDecisions):
             flat(columns.node_ids, np.int64),
             remembers=bool(self._steps),
         )
-
-    def decides_for(self, slots: Slots) -> list[bool]:
-        """Return for each of the living agents whether the core has its strategy."""
-        found: list[bool] = self._decides[slots.places].tolist()
-        return found
 
     def is_of(self, game: PlayedGame, slots: Slots) -> bool:
         """Return whether the agents of a game, their strategies and the map are the same as when this was made."""
@@ -254,7 +248,7 @@ class ShippedAgents(ShippedDecisions):
 def _list_versions(game: PlayedGame) -> tuple[Any, ...]:
     """Return the versions of sensors, seed and map, on which the decisions of shipped strategies depend."""
     turns = game.internals.parts.turns
-    return turns.sensor_changes, turns.seed_changes, game.ctx.graph.graph.revision
+    return turns.phase.sensor_changes, turns.seed_changes, game.ctx.graph.graph.revision
 
 
 class ShippedFinder:
@@ -275,13 +269,13 @@ class ShippedFinder:
         """Return the decisions; None: Python has to decide for all agents, or to make them does not pay yet.
 
         Args:
-            order: the living agents.
+            order: the agents.
 
         Returns:
             Also the turn in which to call this again, unless the agents or the settings change before.
         """
         game = self._game
-        slots = order.slots.whole
+        slots = order.slots
         if self._known is not None and self._known.is_of(game, slots):
             self._known.begin_memories(order.block.inactive)
             return self._known, 0
@@ -308,7 +302,7 @@ class ShippedFinder:
         Costs are counted in agents that are asked. The slots that are not made yet count as saved.
         """
         game = self._game
-        slots = order.slots.whole
+        slots = order.slots
         versions = _list_versions(game)
         asked = game.internals.parts.turns.asked
         if slots is not self._slots or versions != self._versions:

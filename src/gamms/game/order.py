@@ -1,7 +1,8 @@
-"""The living agents in the order of a turn, with data that each turn needs."""
+"""The agents of a game in the order of a turn, dead or alive, with data that each turn needs."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import chain, compress, count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ from gamms.game.settings import Plan, Settings
 from gamms.game.slots import Slots
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection
-from gamms.ir.graph import RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
@@ -62,10 +62,13 @@ class PlannedAgents:
 
 
 class TurnPart:
-    """Agents that decide and move simultaneously: all living agents, or those of some teams.
+    """Agents that decide and move simultaneously: all agents, or those of some teams.
+
+    What is made for each agent is made when it first takes part in a turn: an agent that never lives has no memory.
 
     Args:
-        slots: the slots of all living agents.
+        slots: the slots of all agents.
+        moving: all agents; tells which take part.
         members: the indices of the agents' slots; None: all.
         settings: the settings of the game.
         is_whole: whether it is a part of the order of play; or some agents of one.
@@ -73,21 +76,31 @@ class TurnPart:
     Attributes:
         members: the indices of the slots.
         in_core: the part in the form of the core, see `prepare`; None: it is not made yet.
-        on_ground: the indices of the slots of agents on the ground; None: all living agents.
+        on_ground: the indices of the slots of agents on the ground; None: all agents.
         ground: the rows of these agents.
         paced: the indices of the slots of agents on the ground that may be on an edge.
         decides_at_arrivals: whether some agents decide at each arrival.
     """
 
-    def __init__(self, slots: Slots, members: list[int] | None, settings: Settings, *, is_whole: bool = True) -> None:
+    def __init__(
+        self,
+        slots: Slots,
+        moving: MovingAgents,
+        members: list[int] | None,
+        settings: Settings,
+        *,
+        is_whole: bool = True,
+    ) -> None:
         self._slots = slots
+        self._moving = moving
         self._is_whole = is_whole
         self._plans = settings.plans
         self._are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.members: Sequence[int] = range(len(slots)) if members is None else members
         self.in_core: PartInCore | None = None
+        self._commanded: tuple[bytes, list[PlannedAgents]] | None = None
         self._take_ground()
-        self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
+        self.decides_at_arrivals = settings.decide == "arrival" and slots.travel and bool(self.paced)
 
     def _take_ground(self) -> None:
         """Find the agents on the ground, and those that may be on an edge."""
@@ -102,15 +115,24 @@ class TurnPart:
 
     # NOTE: what follows is made when agents are asked, not if the core decides for them (w9 first).
 
+    def begin_more(self) -> None:
+        """Make again what is made for each agent: some take part for the first time."""
+        self.in_core = None
+        for name in ("_group_teams", "observing", "asked", "see_world_only", "individuals"):
+            self.__dict__.pop(name, None)
+
     @cached_property
     def _group_teams(self) -> dict[Any, Sequence[int]]:
-        """Team -> the indices of the slots of its agents."""
+        """Team -> the indices of the slots of those of its agents that have taken part."""
         teams = self._slots.teams
-        if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
-            return {teams[0]: self.members}
-        of_team: dict[Any, list[int]] = {team: [] for team in dict.fromkeys(teams)}
-        for i in self.members:
-            of_team[teams[i]].append(i)
+        has_begun = self._moving.has_begun
+        begun = self.members if 0 not in has_begun else [i for i in self.members if has_begun[i]]
+        # NOTE: a tenth of the time of a set (benchmarks: deletion).
+        if begun and teams.count(teams[begun[0]]) == len(teams):
+            return {teams[begun[0]]: begun}
+        of_team: dict[Any, list[int]] = {}
+        for i in begun:
+            of_team.setdefault(teams[i], []).append(i)
         return {**of_team}
 
     @cached_property
@@ -118,8 +140,10 @@ class TurnPart:
         """The indices of the slots of agents whose sensors are called."""
         slots = self._slots
         of_team = self._group_teams
-        blind = {team for team in of_team if team in self._plans and self._plans[team].arrays}
-        found = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
+        seeing = [team for team in of_team if not (team in self._plans and self._plans[team].arrays)]
+        found: Sequence[int] = []
+        if seeing:
+            found = of_team[seeing[0]] if len(seeing) == 1 else sorted(chain.from_iterable(of_team[t] for t in seeing))
         idle = slots.idle() if found else ()
         if idle:  # NOTE: agents that just stand there take no time (benchmarks: teams)
             found = [i for i in found if slots.teams[i] in self._plans or slots.names[i] not in idle]
@@ -144,20 +168,32 @@ class TurnPart:
         """
         return [slot.asked for slot in self._slots.at(self.asked)] if self._are_usual else []
 
-    @cached_property
+    @property
     def commanded(self) -> list[PlannedAgents]:
-        """The agents with a plan, by team. No slots are made for agents with a plan of arrays."""
+        """The agents with a plan that take part, by team. No slots are made for agents with a plan of arrays."""
+        lives = self._moving.lives()
+        if self._commanded is None or self._commanded[0] != lives:
+            self._commanded = lives, self._list_commanded()
+        return self._commanded[1]
+
+    def _list_commanded(self) -> list[PlannedAgents]:
         slots = self._slots
         plans = self._plans
         found = []
-        for team, indices in self._group_teams.items():
-            if team in plans and indices:
+        for team, begun in self._group_teams.items():
+            indices = self._moving.present(begun) if team in plans else ()
+            if indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]
                 members = range(len(slots)) if is_all else indices
                 keys = partial(slots.keys_of, indices)
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
                 found.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
+        return sorted(found, key=lambda one: one.indices[0])
+
+    def present(self, indices: Sequence[int]) -> Sequence[int]:
+        """Return those of some slots whose agents take part."""
+        found: Sequence[int] = self._moving.present(indices)
         return found
 
     def let_observe(self, others: Iterable[int]) -> None:
@@ -192,7 +228,7 @@ class TurnPart:
             len(order.slots),
             has_starts=version == NOT_ASKED or bool(order.whole.asked),
             see_world_only=version == NOT_ASKED or self.see_world_only,
-            has_plans=version != NOT_ASKED and bool(self.commanded),
+            has_plans=version != NOT_ASKED and not self._plans.keys().isdisjoint(self._group_teams),
             is_paced=bool(self.paced),
             ground=self.ground,
             is_all_ground=self.on_ground is None,
@@ -223,7 +259,9 @@ class InConflict(NamedTuple):
 
 
 class TurnOrder:
-    """The living agents in the order of names, with data that each turn needs.
+    """The agents of a game in the order of names, dead or alive, with data that each turn needs.
+
+    Agents that die and return change only which agents take part, see `moving`.
 
     Args:
         slots: the slots of the agents, sorted by name.
@@ -238,26 +276,29 @@ class TurnOrder:
         whole: all agents.
         parts: the groups of agents that move simultaneously, in order.
         has_parts: whether there are several groups.
-        unlisted: the slot of the first agent whose team is in no group; None: there is none.
+        unlisted: the indices of the slots of agents whose teams are in no group.
+        may_be_refused: whether some agents may not take part, because they are unlisted, or unranked in conflicts.
         selection: the rows of all agents.
         moving: all agents in the form of the core.
         blocked: (agents,) the number of stopped moves of each agent that is not yet in its counts.
-        structure_version, rows_version: versions of the agents.
+        entries, rows_version: versions of the agents, apart from their lives.
         in_conflict: the agents as `TurnConflicts` has made them for this order.
         plan: the phases of a turn; None: they are not known.
         acts, conflicts: whether rules act before the moves, and the conflicts, in this plan.
         split: decisions of the core, the agents that are asked beside them, and those for which it decides; see
             `TurnEngine`. None: not known.
-        ranked_by: the last conflicts in which the team of every agent has a rank.
+        ranked_by: the conflicts of `unranked`.
+        unranked: the indices of the slots of agents on the ground whose teams have no rank in these conflicts.
         in_rules: the rows of agents in the rules of the core, (agents,), and the slot of each; -1: it has none.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
-        *("acts", "conflicts", "has_deeds", "has_parts", "in_conflict", "in_rules", "moving", "parts"),
-        *("plan", "ranked_by", "rows_version", "selection", "slots", "split", "structure_version", "unlisted", "whole"),
+        *("__dict__", "_agents", "_ended", "block", "blocked", "groups", "has_channels"),
+        *("acts", "conflicts", "has_deeds", "has_parts", "in_conflict", "in_rules", "may_be_refused", "moving"),
+        *("parts", "plan", "ranked_by", "rows_version", "selection", "settings", "slots", "split"),
+        *("entries", "unlisted", "unranked", "whole"),
     )
 
     def __init__(
@@ -269,33 +310,52 @@ class TurnOrder:
     ) -> None:
         self.slots = slots
         self.block = block
-        self.structure_version = block.structure.version
+        self.settings = settings
+        self._agents: list[IAgent] | None = None
+        self.entries = block.structure.entries
         self.in_conflict = InConflict(None, None, None)
         self.plan: TurnPlan | None = None
         self.acts = False
         self.conflicts: object = None
         self.ranked_by: object = None
+        self.unranked: list[int] = []
         self.split: tuple[ShippedDecisions, TurnPart | None, TurnPart | None] | None = None
         self.in_rules: tuple[object, Any] = None, None
         self.rows_version = block.rows.version
         self.groups = order
         self.has_channels = bool(settings.channels)
         self.has_deeds = bool(settings.deeds)
-        self.whole = TurnPart(slots, None, settings)
+        self.selection = slots.selection
+        self.blocked = slots.blocked
+        self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
+        self.moving = MovingAgents(block, self.selection.buffer, slots.moved.data, slots.blocked.data)
+        self.moving.take_lives()
+        self.whole = TurnPart(slots, self.moving, None, settings)
         self.parts = [self.whole]
-        self.unlisted = None
+        self.unlisted: list[int] = []
         if order is not None:
             all_teams = self.all_teams()
             listed = {team for teams in order for team in teams}
-            self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
+            self.unlisted = [i for i, team in enumerate(all_teams) if team not in listed]
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
-            self.parts = [TurnPart(slots, some, settings) for some in members]
+            self.parts = [TurnPart(slots, self.moving, some, settings) for some in members]
         self.has_parts = len(self.parts) > 1
-        self.selection = slots.selection
-        self._moved: RowArray = np.zeros(len(slots), np.int32)  # the number of moves of each agent
-        self.blocked: RowArray = np.zeros(len(slots), np.int32)
-        self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
-        self.moving = MovingAgents(block, self.selection.buffer, self._moved.data, self.blocked.data)
+        self.may_be_refused = False
+
+    def take_lives(self) -> None:
+        """Let the agents take part that are alive now."""
+        if self.moving.take_lives():
+            self.begin_more()
+
+    def begin_more(self) -> None:
+        """Prepare agents that take part for the first time."""
+        self.split = None
+        for part in (self.whole, *self.parts):
+            part.begin_more()
+
+    def part_of(self, members: list[int], *, is_whole: bool = True) -> TurnPart:
+        """Return some of these agents as a part of a turn, given the indices of their slots."""
+        return TurnPart(self.slots, self.moving, members, self.settings, is_whole=is_whole)
 
     @property
     def names(self) -> list[str]:
@@ -303,19 +363,20 @@ class TurnOrder:
         return self.slots.names
 
     @cached_property
-    def living(self) -> list[IAgent]:
-        """The agents."""
-        return [slot.agent for slot in self.slots]
-
-    @cached_property
     def index_of(self) -> dict[str, int]:
         """Name -> index of the slot."""
         return {name: i for i, name in enumerate(self.names)}
 
-    @property
-    def keys(self) -> BitArray:
-        """The hashes of the names, for keyed draws, (agents,)."""
-        return self.slots.keys
+    def present(self) -> Sequence[int]:
+        """Return the indices of the slots of agents that take part."""
+        found: Sequence[int] = self.moving.present(self.whole.members)
+        return found
+
+    def agents_of(self, agents: Mapping[str, IAgent]) -> list[IAgent]:
+        """Return all agents by slot, from agents by name; the same list at each call."""
+        if self._agents is None:
+            self._agents = [agents[name] for name in self.names]
+        return self._agents
 
     def all_teams(self) -> list[Any]:
         """Return the team of each agent, by slot."""
@@ -337,28 +398,16 @@ class TurnOrder:
         """Add the counted moves and conflicts to the counts of the agents."""
         counted = self.moving.counted()
         if counted:
-            self._add_to_counts(counted)
-            self.restart_counts()
-
-    def _add_to_counts(self, indices: list[int]) -> None:
-        """Add the counted moves and conflicts of some slots."""
-        columns = indices, self._moved[indices].tolist(), self.blocked[indices].tolist()
-        for i, moved, blocked in zip(*columns, strict=True):
-            counts = self.slots.counts_of(i)
-            counts["moves"] += moved
-            counts["blocked"] += blocked
+            self.slots.add_counts(counted)
+            self.slots.restart_counts()
 
     def list_counts(self) -> None:
         """Add the counted conflicts, and agents that have no counts yet, to the counts of the agents."""
         for i in np.flatnonzero(self.blocked).tolist():
             self.slots.counts_of(i)["blocked"] += int(self.blocked[i])
         self.blocked.fill(0)
-        self.slots.list_counts()
-
-    def restart_counts(self) -> None:
-        """Set the counters to 0."""
-        self._moved.fill(0)
-        self.blocked.fill(0)
+        for i in compress(count(), self.moving.has_begun):
+            self.slots.counts_of(i)
 
 
 def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:

@@ -151,11 +151,11 @@ class RuleVerbs(Settings):
         """
         one = self._agent(agent)
         self._phase.are_memories_known = True
-        slots = self._turns.order().slots
-        for slot in slots:
-            if slot.agent is one:
-                return self._turns.observation(slot)
-        raise UnknownName("living agent", one.name, [slot.name for slot in slots])
+        order = self._turns.order()
+        living = self._turns.living()
+        if not any(agent is one for agent in living):
+            raise UnknownName("living agent", one.name, [agent.name for agent in living])
+        return self._turns.observation(order.slots[order.index_of[one.name]])
 
     @leaving_last_turn
     def emit(self, kind: str, **data: Plain) -> None:

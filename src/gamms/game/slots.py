@@ -1,6 +1,6 @@
-"""Slots: the data of each living agent in the turn engine, made on first use."""
+"""Slots: the data of each agent in the turn engine, made on first use."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import RowArray
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing import AgentType
@@ -46,7 +47,7 @@ class SlotGame(NamedTuple):
 
 
 class AgentSlot:
-    """The data of one living agent in the turn engine.
+    """The data of one agent in the turn engine.
 
     Args:
         agent: the agent.
@@ -193,7 +194,7 @@ class AgentSlot:
 
 
 class Slots(Sequence[AgentSlot]):
-    """The slots of all agents, or of the living ones, in the order of names, each made on first use.
+    """The slots of all agents, dead or alive, in the order of names, each made on first use.
 
     Args:
         agents: the agent engine. Any: its class cannot be imported here.
@@ -207,10 +208,12 @@ class Slots(Sequence[AgentSlot]):
 
     Attributes:
         idle, table: see the arguments.
-        has_made: whether any slot of all agents is made.
+        has_made: whether any slot is made.
         selection, names, teams: the rows, names and teams of the agents.
         flying: the indices of agents that fly.
         paced: the indices of agents on the ground that may be on an edge.
+        travel: whether agents on the ground may be anywhere on an edge.
+        moved, blocked: (agents,) the number of moves, and of stopped moves, that is not yet in the counts of each.
         are_plain: whether all agents move along one edge, on the ground.
     """
 
@@ -239,10 +242,12 @@ class Slots(Sequence[AgentSlot]):
         self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
         self.selection: Selection = selection.after(change)
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
+        none: RowArray = np.zeros(len(change.rows), np.int32)
+        self.moved: RowArray = none
+        self.blocked: RowArray = none.copy()
+        if before is not None:
+            self.moved, self.blocked = before._hand_over(change, none)
         self._made: list[AgentSlot | None] = change.of(made, [None] * len(change.rows))
-        self._whole: Slots | None = None
-        self._at: Sequence[int] = range(len(self.names))
-        self._settings = settings
         self._agents = agents.storage
         self.idle = idle
         self.table = table
@@ -250,46 +255,21 @@ class Slots(Sequence[AgentSlot]):
         self._counts = counts
         self._departure: DeletedAgent = agents.storage.last_departure
         self._departed: dict[str, IAgent] = {}
+        self._find_kinds(block, settings)
         if change.closed:
             self._renumber(block)
         if before is not None and "keys" in before.__dict__:
             self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
 
-    @property
-    def whole(self) -> "Slots":
-        """The slots of all agents."""
-        return self if self._whole is None else self._whole
-
-    @property
-    def places(self) -> Sequence[int]:
-        """The indices of these agents among all agents."""
-        return self._at
-
-    def living(self, block: AgentBlock) -> "Slots":
-        """Return the slots of the agents that are alive now; a slot that is made in one of them is made in all."""
-        inactive = block.inactive
-        part = copy(self)
-        part._whole = self
-        part.__dict__.pop("keys", None)
-        if inactive:
-            rows = self.selection.rows
-            at = [i for i, row in enumerate(rows) if row not in inactive]
-            part._at = at
-            part.names = [self.names[i] for i in at]
-            part.teams = [self.teams[i] for i in at]
-            part.selection = Selection([rows[i] for i in at])
-        part._find_kinds(block)
-        return part
-
-    def _find_kinds(self, block: AgentBlock) -> None:
+    def _find_kinds(self, block: AgentBlock, settings: Settings) -> None:
         """Find the agents that fly, or may be on an edge."""
         kind = block.kind
-        settings = self._settings
         has_speed = ~np.isnan(block.speed)
         has_progress = ~np.isnan(block.share)
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
         travels = settings.legal == "edges" and settings.speed_unit != "edges"
+        self.travel = travels
         some = travels or has_speed.any() or has_progress.any()
         self.paced = [
             i
@@ -309,17 +289,13 @@ class Slots(Sequence[AgentSlot]):
         return len(self.names)
 
     def __getitem__(self, i: Any) -> Any:
-        at = self._at[i]
-        slot = self._made[at]
+        slot = self._made[i]
         if slot is None:
-            self.whole.has_made = True
+            self.has_made = True
             name = self.names[i]
             slot = self._make(name, self.departed.get(name))
-            self._made[at] = slot
+            self._made[i] = slot
         return slot
-
-    def __iter__(self) -> Iterator[AgentSlot]:
-        return iter(self.at(range(len(self))))
 
     @property
     def block_now(self) -> AgentBlock:
@@ -330,7 +306,14 @@ class Slots(Sequence[AgentSlot]):
     @cached_property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
-        return kernels.name_keys(self.names) if self._whole is None else self._whole.keys[self._at]
+        return kernels.name_keys(self.names)
+
+    def _hand_over(self, change: AgentSetChange, none: RowArray) -> tuple[RowArray, RowArray]:
+        """Return `moved` and `blocked` after a change, and set them to 0 here."""
+        self.add_counts([i for i in change.gone if self.moved[i] or self.blocked[i]])
+        found = change.of_array(self.moved, none), change.of_array(self.blocked, none)
+        self.restart_counts()
+        return found
 
     def keys_of(self, indices: Sequence[int]) -> BitArray:
         """Return the keys of the agents at some indices."""
@@ -338,17 +321,25 @@ class Slots(Sequence[AgentSlot]):
 
     def at(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return the slots at some indices."""
-        slots = [self._made[self._at[i]] for i in indices]
+        slots = [self._made[i] for i in indices]
         return [self[i] if slot is None else slot for i, slot in zip(indices, slots, strict=True)]
 
     def counts_of(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
 
-    def list_counts(self) -> None:
-        """Add the agents to the counts."""
-        for i in range(len(self)):
-            self.counts_of(i)
+    def add_counts(self, indices: list[int]) -> None:
+        """Add `moved` and `blocked` of some agents to their counts."""
+        columns = indices, self.moved[indices].tolist(), self.blocked[indices].tolist()
+        for i, moved, blocked in zip(*columns, strict=True):
+            counts = self.counts_of(i)
+            counts["moves"] += moved
+            counts["blocked"] += blocked
+
+    def restart_counts(self) -> None:
+        """Set `moved` and `blocked` to 0."""
+        self.moved.fill(0)
+        self.blocked.fill(0)
 
     @property
     def departed(self) -> dict[str, IAgent]:
@@ -360,17 +351,17 @@ class Slots(Sequence[AgentSlot]):
 
     def made(self) -> list[AgentSlot]:
         """Return all slots made so far."""
-        return [slot for at in self._at if (slot := self._made[at]) is not None]
+        return [slot for slot in self._made if slot is not None]
 
     def set_blocked(self, i: int, why: str | None) -> None:
         """Set the reason in the state of an agent why its last action was not executed, if its slot is made."""
-        slot = self._made[self._at[i]]
+        slot = self._made[i]
         if slot is not None:
             slot.set_blocked(why)
 
     def show_blocked(self, indices: Sequence[int]) -> None:
         """Update the reasons in the states of agents whose slots are made."""
-        for slot in [self._made[self._at[i]] for i in indices] if self.whole.has_made else ():
+        for slot in [self._made[i] for i in indices] if self.has_made else ():
             if slot is not None:
                 slot.show_blocked()
 
@@ -397,7 +388,7 @@ class Slots(Sequence[AgentSlot]):
 
 
 class SlotMaker:
-    """Makes the slots of the living agents of a game.
+    """Makes the slots of the agents of a game.
 
     Args:
         ctx: the context, for its agents.
@@ -418,12 +409,12 @@ class SlotMaker:
         self._settings = settings
         self._fork = fork
 
-    def make_all(self, before: Slots | None, version: int) -> Slots:
-        """Return the slots of all agents by name, dead or alive; previous slots are reused if they are still valid.
+    def make(self, before: Slots | None, entry: int) -> Slots:
+        """Return the slots of all agents by name; previous slots are reused if they are still valid.
 
         Args:
             before: the slots of the game at an earlier time; None: there are none.
-            version: the `structure_version` at that time.
+            entry: the number of the last entry of the log of agents at that time.
         """
         agents = self._ctx.agent
         block = agents.block
@@ -433,7 +424,7 @@ class SlotMaker:
             table = DrawTable(self._ctx.seed, self._state)
         else:
             table = before.table
-            since = block.structure.since(version)
+            since = block.structure.since(entry)
         if since is not None and before is not None:
             rows, closed = since
             change = AgentSetChange(before.names, rows, block.names, closed)
@@ -445,7 +436,7 @@ class SlotMaker:
         access_of = agents.storage.turn_access
         game = SlotGame(self._state, table, self._facts, self._settings, self._fork)
 
-        def make(name: str, departed: IAgent | None) -> AgentSlot:
+        def make_slot(name: str, departed: IAgent | None) -> AgentSlot:
             agent = all_agents[name] if departed is None else departed
             slot = known.get(name)
             access = access_of(agent)
@@ -461,7 +452,7 @@ class SlotMaker:
             return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
 
         past = None if since is None else before
-        slots = Slots(agents, self._settings, make, idle, self._state.counts, table, past, change)
+        slots = Slots(agents, self._settings, make_slot, idle, self._state.counts, table, past, change)
         if known:
             slots.at([i for i in change.places if slots.names[i] in known])
         return slots

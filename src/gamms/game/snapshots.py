@@ -235,7 +235,7 @@ def _renew_states(target: SnapshotTaker) -> None:
         name = agent.name
         state = cast("dict[str, Any]", agent.state)
         if "memory" in state:
-            slot = order.slots[order.index_of[name]] if name in order.index_of else None
+            slot = order.slots[order.index_of[name]] if agent.alive and name in order.index_of else None
             state["memory"] = target.state.memory_of(name)
             state["team_memory"] = copied(state.get("team_memory"))
             state["fork"] = PrivateForks(target.ctx)

@@ -18,10 +18,9 @@ from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
-from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, SlotMaker, Slots, own_copy
+from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, show_numbers
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
 
 _FEWEST_DECIDED = 2  # agents for which to let the core decide takes no longer than asking them, if it decides for all
 _FEWEST_BESIDE = 4  # and if others are asked
-_MOST_COUNTING = 1 << 8  # orders whose moves are not in the counts of agents yet
-_MOST_KEPT = 1 << 13  # agents in orders that are kept
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
@@ -103,11 +100,7 @@ class TurnEngine(GameTurn):
         self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
         self._epoch = -1  # of the order
-        self._kept: dict[bytes, TurnOrder] = {}  # which agents are alive -> their order
-        self._kept_of: tuple[Any, ...] = ()  # what these orders depend on
-        self._all_slots: Slots | None = None  # of all agents, dead or alive
-        self._all_version = 0  # of the agents at that time
-        self._counting = dict[int, TurnOrder]()  # by id, the orders with moves that are not in the counts of agents yet
+        self._earlier = list[TurnOrder]()  # those of the present turn that others have replaced
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self.departed_teams = Counter[Any]()
         self._counted: object = None  # the deleted agents of these teams
@@ -127,14 +120,8 @@ class TurnEngine(GameTurn):
     def is_playing(self, is_playing: bool) -> None:
         self.phase.player = get_ident() if is_playing else None
 
-    @property
-    def sensor_changes(self) -> int:
-        """The number of changes of sensor settings, and of added and removed sensors."""
-        changes: int = self.phase.sensor_changes
-        return changes
-
     def order(self) -> TurnOrder:
-        """Return the living agents in the order of a turn."""
+        """Return the agents in the order of a turn, dead or alive."""
         order: TurnOrder | None = self.order_now
         if order is not None and self.phase.is_deciding:
             return order  # nothing changes while agents decide
@@ -143,48 +130,13 @@ class TurnEngine(GameTurn):
             block.locate()
         if order is None or self._epoch != self.phase.epoch or order.block is not block:
             made_of = self._get_order_key(block)
-            if order is None or self._order_of != made_of or order.structure_version != block.structure.version:
-                order = self._order_of_living(block, made_of)
-                self._use(order)
+            if order is None or self._order_of != made_of or order.entries != block.structure.entries:
+                with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
+                    order = self._new_order(block, order if self._order_of == made_of else None)
+                self.order_now = order
                 self._order_of = made_of
                 self._follow_graph()
             self._epoch = self.phase.epoch
-        return order
-
-    def _use(self, order: TurnOrder) -> None:
-        """Play turns in an order from now on."""
-        self.order_now = order
-        self._counting[id(order)] = order
-        if len(self._counting) > _MOST_COUNTING:
-            self.update_counts()
-
-    def _order_of_living(self, block: AgentBlock, made_of: tuple[Any, ...]) -> TurnOrder:
-        """Return the order of the agents that are alive now; see `_get_order_key`.
-
-        Agents that die and return make few sets, so the orders of these sets are kept.
-        """
-        key = *made_of, block.structure.others
-        if key != self._kept_of:
-            self.update_counts()
-            before = self._all_slots if made_of == self._kept_of[:-1] else None
-            self._all_slots = self._slots.make_all(before, self._all_version)
-            self._all_slots.table.before_draws = self.read_states_of_turn
-            self._all_version = block.structure.version
-            self._kept.clear()
-            self._kept_of = key
-        lives = bytes(block.alive)
-        order = self._kept.get(lives)
-        if order is not None:
-            self.note_departed()
-            order.structure_version = block.structure.version
-            for slot in order.slots.made():
-                slot.show_blocked()
-            return order
-        with GarbagePause():  # NOTE: to look for garbage among slots, which stay, takes long (w9 alone)
-            order = self._new_order(block)
-        if (len(self._kept) + 1) * len(order.slots) > _MOST_KEPT:
-            self._kept.clear()
-        self._kept[lives] = order
         return order
 
     def _get_order_key(self, block: AgentBlock) -> tuple[Any, ...]:
@@ -195,31 +147,35 @@ class TurnEngine(GameTurn):
         """Return whether all facts are known to all agents."""
         return not (self.state.agent_facts or self.state.team_facts)
 
-    def _new_order(self, block: AgentBlock) -> TurnOrder:
-        """Return a new order of turns, of the agents that are alive now."""
+    def _new_order(self, block: AgentBlock, before: TurnOrder | None) -> TurnOrder:
+        """Return a new order of turns; `before` is the last one, if only the agents have changed."""
         settings = self._settings
         refuse_unused(settings)
-        assert self._all_slots is not None  # noqa: S101 - the agents are known
-        slots = self._all_slots.living(block)
+        if before is None:
+            self.update_counts()
+        if self.order_now is not None and self.is_moving:
+            self._earlier.append(self.order_now)
         self.note_departed()
+        slots = self._slots.make(*((None, 0) if before is None else (before.slots, before.entries)))
+        slots.table.before_draws = self.read_states_of_turn
         for slot in slots.made():
             slot.show_blocked()
         return TurnOrder(slots, block, settings, self.groups if self.is_moving else settings.order)
+
+    def make_order(self) -> TurnOrder:
+        """Return a new order of the agents, whatever is known of others."""
+        self.order_now = None
+        return self.order()
 
     def forget_plan(self) -> None:
         """Check what the plan depends on before the next turn, because other data than the agents may have changed."""
         self.phase.epoch += 1
 
     def take_order(self, order: TurnOrder) -> None:
-        """Reuse an earlier order whose agents are alive again."""
-        structure = self._ctx.agent.block.structure
-        order.structure_version = structure.version
-        self._use(order)
+        """Reuse an earlier order, whose agents are those of the context again."""
+        order.entries = order.block.structure.entries
+        self.order_now = order
         self._order_of = self._get_order_key(order.block)
-        self._all_slots = order.slots.whole
-        self._all_version = structure.version
-        self._kept = {bytes(order.block.alive): order}
-        self._kept_of = *self._order_of, structure.others
         self._epoch = self.phase.epoch
         self._follow_graph()
 
@@ -229,31 +185,30 @@ class TurnEngine(GameTurn):
         self.near = graph.neighborhoods
         self.revised = getattr(graph, "revised", graph)
 
-    @property
-    def draw_table(self) -> DrawTable:
-        """The seed and the clock of the agents' draws."""
-        return self.order().slots.table
-
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
         agents = self._ctx.agent
         order = self.order_now
-        if order is not None and self.phase.is_deciding:
-            return [*order.living]
-        block = agents.block
-        if order is not None and order.block is block and order.structure_version == block.structure.version:
-            return [*order.living]
-        if block.has_teams:
-            return [slot.agent for slot in self.order().slots]
-        # NOTE: a changed set of agents does not require a new order here, which costs more (decision 0057).
-        return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
+        if order is None or not self.phase.is_deciding:
+            block = agents.block
+            if order is None or order.block is not block or order.entries != block.structure.entries:
+                if not block.has_teams:
+                    # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
+                    return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
+                order = self.order()
+        every = order.agents_of(agents.agents)
+        inactive = order.block.inactive
+        if not inactive:
+            return [*every]
+        return [one for one, row in zip(every, order.selection.rows, strict=True) if row not in inactive]
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""
-        node_of = self._ctx.agent.block.node_of
+        block = self._ctx.agent.block
         order = self.order()
-        slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
-        return {slot.name: self._legality.reachable(slot, node_of(slot.row)) for slot in slots}
+        known = [i for name in names if (i := order.index_of.get(name)) is not None]
+        slots = [order.slots[i] for i in known if block.alive[order.selection.rows[i]]]
+        return {slot.name: self._legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
@@ -289,9 +244,12 @@ class TurnEngine(GameTurn):
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
         self.note_departed()
-        for order in self._counting.values():
+        for order in self._list_orders():
             order.update_counts()
-        self._counting = {} if self.order_now is None else {id(self.order_now): self.order_now}
+
+    def _list_orders(self) -> list[TurnOrder]:
+        """Return the orders that may have moves that are not in the counts of agents yet."""
+        return self._earlier if self.order_now is None else [*self._earlier, self.order_now]
 
     def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
@@ -313,8 +271,8 @@ class TurnEngine(GameTurn):
 
     def restart_counts(self) -> None:
         """Drop the moves that are not in the counts of the agents yet."""
-        for order in self._counting.values():
-            order.restart_counts()
+        for order in self._list_orders():
+            order.slots.restart_counts()
 
     def show_blocked(self) -> None:
         """Update the reasons in the states of agents why their last actions were not executed."""
@@ -325,7 +283,7 @@ class TurnEngine(GameTurn):
         """Add conflicts, and agents that have none yet, to the counts."""
         if self.order_now is None and self.state.counts:  # the core has played all turns
             self.order()
-        for order in self._counting.values():
+        for order in self._list_orders():
             order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
@@ -432,11 +390,13 @@ class TurnEngine(GameTurn):
             BadValue: the order of play lacks a team.
             MissingKey (KeyError): the priorities of `by_priority` lack a team.
         """
-        order = plan.order
-        if order.unlisted is not None:
-            raise left_out(order.unlisted.name, order.unlisted.team)
+        order: TurnOrder = plan.order
+        unlisted = order.moving.present(order.unlisted)
+        if unlisted:
+            raise left_out(order.names[unlisted[0]], order.all_teams()[unlisted[0]])
         if self._settings.conflicts is not None:
             self._conflicts.check_teams(self._settings.conflicts, order)
+        order.may_be_refused = bool(order.unlisted or order.unranked)
 
     def lose_moves(self, error: BaseException) -> None:
         """Undo what a turn has begun that an error has ended: the same numbers are drawn when it is repeated."""
@@ -446,10 +406,12 @@ class TurnEngine(GameTurn):
         latest.slots.table.begin_again()
 
     def _follow_order(self) -> None:
-        """Notice that a rule has changed the order of play."""
+        """Notice that a rule has changed the order of play, and count the moves of orders that were replaced."""
+        for order in self._earlier:
+            order.update_counts()
+        self._earlier.clear()
         if self._settings.order is not self.groups:  # the next order has other parts
             self._order_of = ()
-            self._kept_of = ()
             self._epoch = -1
             self.plan_now = None
 
@@ -483,7 +445,7 @@ class TurnEngine(GameTurn):
         """Send the messages of the turn."""
         state = self.state
         if self.outboxes.outgoing:
-            state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
+            state.messages += self.outboxes.sent(self.living(), state.turn)
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
@@ -509,7 +471,9 @@ class TurnEngine(GameTurn):
         ]
         if not rules.apply("deeds", self.state):
             return
-        turn = turn.on(self.order())
+        order = self.order()
+        order.take_lives()
+        turn = turn.on(order)
         self.state.moves = turn
         turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
@@ -559,7 +523,7 @@ class TurnEngine(GameTurn):
         assert shipped is not None  # noqa: S101 - it decides
         known = order.split
         if known is None or known[0] is not shipped:
-            known = shipped, *self._new_split(order, part, shipped.decides_for(order.slots))
+            known = shipped, *self._new_split(order, part, list(map(bool, shipped.decides)))
             order.split = known
         _, rest, own = known
         return rest, own if rest is None or rest.see_world_only else None
@@ -572,7 +536,7 @@ class TurnEngine(GameTurn):
         if all(decides):
             return None, part
         members = [[i for i, is_own in enumerate(decides) if is_own == wanted] for wanted in (False, True)]
-        asked, own = [TurnPart(order.slots, some, self._settings, is_whole=False) for some in members]
+        asked, own = [order.part_of(some, is_whole=False) for some in members]
         return asked, own
 
     def _find_shipped(self, order: TurnOrder) -> None:
@@ -580,9 +544,8 @@ class TurnEngine(GameTurn):
         before = self.shipped
         if self.find_shipped is not None:
             self.shipped, self.look_again = self.find_shipped(order)
-        if before is not None and before is not self.shipped:
-            for kept in self._kept.values():
-                kept.split = None  # it would keep the old columns
+        if before is not self.shipped:
+            order.split = None  # it would keep the old columns
 
     def _show_row(self, order: TurnOrder, memory: bytes, turn: int, blocked: BlockedAgents | None) -> None:
         """Show the game of another moment: the number columns of the agents, and why they are blocked."""
@@ -608,14 +571,15 @@ class TurnEngine(GameTurn):
             return
         i = unread.order.index_of.get(name)
         if i is not None and i in unread.part.members:
-            self.make_states(TurnPart(unread.order.slots, [i], self._settings, is_whole=False))
+            self.make_states(unread.order.part_of([i], is_whole=False))
 
     def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
-            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self.state.turn)
+            asked = [i for i in order.moving.present(part.observing) if i not in failed]
+            unsent = self.outboxes.take([order.slots[i] for i in asked], self.state.turn)
         self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)
@@ -630,7 +594,7 @@ class TurnEngine(GameTurn):
             part: the agents.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
-        for i in part.asked:
+        for i in part.present(part.asked):
             decisions.ask(i, None if seen is None else seen[i])
         self._ask_plans(decisions, part, seen)
 
@@ -656,17 +620,16 @@ class TurnEngine(GameTurn):
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
         travel = self._legality.travel
-        slots = order.slots
         self._leave_closed_edges(order, part)
         arrivals = self._arriving(order, part)
-        turn: TurnMoves = self.ask(order, TurnPart(slots, arrivals.begin(), self._settings), observers, arrivals.chosen)
+        turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
         try:
             self._set_out(turn, {}, arrivals)
             while arrivals.arrive():
                 travel.now = arrivals.now
                 actions: Mapping[int, ResolvedAction] = {}
                 if arrivals.now < 1.0:
-                    here = TurnPart(slots, arrivals.here, self._settings)
+                    here = order.part_of(arrivals.here)
                     actions = self.ask(order, here, [], arrivals.chosen).actions
                 self._set_out(turn, actions, arrivals)
         finally:
@@ -718,14 +681,14 @@ class TurnEngine(GameTurn):
             ends = {i: (before[i], after[i]) for i in indices}
             return {slots[i].name: Move(slots[i].name, slots[i].team, *ends[i], ends[i]) for i in indices}
 
-        losers = self._losers(order, (before, after), named)
+        losers = self._losers(order, (before, after), order.moving.lives(), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
     def _prepare_first(self, order: TurnOrder, part: TurnPart) -> bool:
         """Compute the neighborhoods of agents that are asked; return whether all have shipped strategies."""
         if hasattr(self.near, "learn"):  # that of a user's graph may be any mapping
             rows = order.selection.rows
-            self.near.learn([order.block.node_of(rows[i]) for i in part.asked])
+            self.near.learn([order.block.node_of(rows[i]) for i in part.present(part.asked)])
         strategies = {id(one): one for one in self._ctx.agent.storage.strategies()}
         return all(strategy_spec_of(one).core_steps is not None for one in strategies.values())
 
@@ -737,7 +700,7 @@ class TurnEngine(GameTurn):
             return
         roads = travel.roads
         rows = order.selection.rows
-        for i in [i for i in part.paced if rows[i] in block.travellers]:
+        for i in [i for i in part.present(part.paced) if rows[i] in block.travellers]:
             slot = order.slots[i]
             place = block.on_edge(slot.row) if slot.travels else None
             if place is not None and roads.on(place.edge) is None:
@@ -755,8 +718,10 @@ class TurnEngine(GameTurn):
         slots = order.slots
         members = part.members
         if len(members) == len(slots):
-            blocked.drop_conflicts(order.names)
-        indices = members if isinstance(members, range) else frozenset(members)
+            moving = order.moving
+            blocked.drop_conflicts(order.names, None if moving.are_all else moving.takes_part)
+        present = part.present(members)
+        indices = present if isinstance(present, range) else frozenset(present)
         number = order.index_of
         forgotten = [name for name in blocked if number.get(name, -1) in indices]
         for name in forgotten:
@@ -768,7 +733,7 @@ class TurnEngine(GameTurn):
         self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]
     ) -> dict[int, dict[str, Any]]:
         """Return slot -> state, for parts in which all agents have to observe before any decides."""
-        seen = {i: self.observation(order.slots[i]) for i in part.observing}
+        seen = {i: self.observation(order.slots[i]) for i in part.present(part.observing)}
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen
@@ -779,7 +744,7 @@ class TurnEngine(GameTurn):
             places: MovePlaces = turn.places()
         else:
             places = turn.in_core() if turn.columns is None else turn.columns
-        losers = self._losers(turn.order, places, turn.named)
+        losers = self._losers(turn.order, places, turn.took_part, turn.named)
         self.conflicting = self._conflicts.in_core
         return turn.stop_each(losers) if len(losers) else (losers, losers)
 
@@ -787,13 +752,14 @@ class TurnEngine(GameTurn):
         self,
         order: TurnOrder,
         places: MovePlaces,
+        took_part: bytes,
         named: MovesOf,
     ) -> memoryview:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts: Any = self._settings.conflicts  # there are some
         turn = self.state.turn
         try:
-            return self._conflicts.losers(conflicts, order, turn, places, named, self._ctx)
+            return self._conflicts.losers(conflicts, order, turn, places, took_part, named, self._ctx)
         except Exception as error:
             error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise
@@ -802,7 +768,7 @@ class TurnEngine(GameTurn):
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         rows = turn.order.selection.rows
         paths = turn.paths
-        for i in part.paced:
+        for i in part.present(part.paced):
             block.set_progress(rows[i], None if paths is None else paths.progress(i))
         for i, action in turn.actions.items():
             slot = turn.slots[i]

@@ -102,7 +102,6 @@ class AgentBlock(AgentColumns):
     quat: list[Quat | None]
     speed: memoryview[float]
     has_int_speed: memoryview[bool]
-    alive: memoryview[bool]
     source: memoryview[int]
     target: memoryview[int]
     edge: memoryview[int]
@@ -155,7 +154,7 @@ class AgentBlock(AgentColumns):
         row = self.games.row
         for name in _SHOWN:
             setattr(self, name, row(name))
-        self.show(row("node"), row("previous"), row("share"))
+        self.show(row("node"), row("previous"), row("share"), row("alive"))
         self.show_on_edges(self.source, self.target, self.edge, self.motion)
 
     @property
@@ -307,7 +306,7 @@ class AgentBlock(AgentColumns):
         self.journal = block.journal
         self.version = block.version + 1
         self.rows.version = block.rows.version + 1
-        self.structure.note_all(block.structure.version)
+        self.structure.note_all(block.structure)
 
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
@@ -343,7 +342,7 @@ class AgentBlock(AgentColumns):
         if _COLUMNS[column].is_watched:
             self._note(row)
         if column == "alive":
-            self.structure.note_lives((row,))
+            self.structure.note_lives()
         elif _COLUMNS[column].is_structure:
             self.structure.note((row,))
         if column == "node":
@@ -564,7 +563,7 @@ class AgentBlock(AgentColumns):
         for name, column in structure.items():
             getattr(self, name)[:] = column
         self._derive()
-        self.structure.note_all(self.structure.version)
+        self.structure.note_all(self.structure)
 
     def _find_travellers(self) -> None:
         self.travellers = {*np.flatnonzero(self.motion).tolist()}
@@ -698,7 +697,7 @@ def show_numbers(block: AgentBlock, memory: bytes) -> None:
     before = bytes(block.alive)
     block.games.memory[:] = memory
     if bytes(block.alive) != before:
-        block.structure.note_lives(_changed_lives(block, before))
+        _follow_lives(block)
     block._note_all()
 
 
@@ -724,13 +723,11 @@ def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:
 
 def show_lives(block: AgentBlock, alive: bytes) -> None:
     """Show which agents are alive in a game of a batch, (agents,) booleans, without recording changes."""
-    before = bytes(block.alive)
     block.alive[:] = memoryview(alive).cast("?")
-    block.structure.note(_changed_lives(block, before))
+    _follow_lives(block)
 
 
-def _changed_lives(block: AgentBlock, before: bytes) -> list[int]:
-    """Return the rows of agents that have died or returned, given which lived before, (agents,) booleans."""
-    lives = bytes(block.alive)
-    block.inactive = {row for row, is_alive in enumerate(lives) if not is_alive}
-    return [row for row, is_alive in enumerate(lives) if is_alive != before[row]]
+def _follow_lives(block: AgentBlock) -> None:
+    """Notice that agents have died or returned."""
+    block.inactive = {row for row, is_alive in enumerate(bytes(block.alive)) if not is_alive}
+    block.structure.note_lives()

@@ -41,66 +41,66 @@ class ChangeLog:
 
 
 class StructureLog:
-    """Log of added and removed rows, and of changes of alive flags, teams, speeds, sensors or strategies, by version.
+    """Log of added and removed rows, and of changes of teams, speeds, sensors or strategies.
 
-    For one reader, which asks for the changes since the version that it last read.
+    For one reader, which asks for the changes since the entry that it last read.
 
     Attributes:
-        version: a number that increases with each recorded row.
-        others: the version of the last change other than that agents died or returned.
-        phase: the phase of the context, whose epoch rises with it.
+        entries: the number of the last entry.
+        version: a number that rises with each entry, and whenever agents die or return.
+        phase: the phase of the context, whose epoch rises with each entry.
     """
 
-    __slots__ = ("_closed", "_first", "_rows", "others", "phase", "version")
+    __slots__ = ("_closed", "_first", "_rows", "entries", "phase", "version")
 
     def __init__(self) -> None:
-        self._first = 0  # version before the first entry
+        self._first = 0  # the number before the first entry that is kept
+        self.entries = 0
         self.version = 0
-        self.others = 0
         self._rows: list[int | str] = []
-        self._closed: list[tuple[int, list[int]]] = []  # (version, rows closed up at this version)
+        self._closed: list[tuple[int, list[int]]] = []  # (number of entries, rows closed up at that time)
         self.phase: DecidePhase = UNDECIDED
 
     def note(self, rows: Iterable[int]) -> None:
         """Record changes of these rows."""
-        self.note_lives(rows)
-        self.others = self.version
-
-    def note_lives(self, rows: Iterable[int]) -> None:
-        """Record that the agents in these rows have died or returned."""
         self._rows += rows
-        self.version = self._first + len(self._rows)
+        self.entries = self._first + len(self._rows)
+        self.version += 1
         self.phase.epoch += 1
         if len(self._rows) > _MOST_NOTED:
-            self.note_all(self.version)
+            self.note_all(self)
 
-    def note_all(self, version: int) -> None:
-        """Record that all rows may have changed, and may have other agents, since a version."""
-        self._first = version + 1
-        self.version = self._first
-        self.others = self.version
+    def note_lives(self) -> None:
+        """Record that agents have died or returned."""
+        self.version += 1
+
+    def note_all(self, before: StructureLog) -> None:
+        """Record that all rows may have changed, and may have other agents, since the last entry of a log."""
+        self._first = before.entries + 1
+        self.entries = self._first
+        self.version = before.version + 1
         self.phase.epoch += 1
         self._rows = []
         self._closed = []
 
     def close_up(self, gone: list[int], names: Sequence[str]) -> None:
         """Renumber rows after these rows, ascending, are closed up; record the names of these agents."""
-        self._closed.append((self.version, gone))
+        self._closed.append((self.entries, gone))
         name_of = {row: names[row] for row in gone}
         self._rows = [
             one if isinstance(one, str) else name_of.get(one, one - bisect_left(gone, one)) for one in self._rows
         ]
 
-    def since(self, version: int) -> tuple[list[int | str], list[list[int]]] | None:
-        """Return the changes since a version; None if everything may have changed.
+    def since(self, entry: int) -> tuple[list[int | str], list[list[int]]] | None:
+        """Return the changes since an entry; None if everything may have changed.
 
         Returns rows, and names of removed agents; and the lists of rows that were closed up, in order.
         """
-        if version < self._first:
+        if entry < self._first:
             return None
-        self._rows = self._rows[version - self._first :]
-        self._first = version
-        self._closed = [one for one in self._closed if one[0] > version]
+        self._rows = self._rows[entry - self._first :]
+        self._first = entry
+        self._closed = [one for one in self._closed if one[0] > entry]
         return self._rows.copy(), [gone for _, gone in self._closed]
 
 

@@ -170,9 +170,21 @@ class BlockedAgents(MutableMapping[str, str]):
         """Add conflicts: the indices of agents in `names`, and the nodes or edges that they wanted to reach."""
         self.stopped.append((names, stopped, places))
 
-    def drop_conflicts(self, names: Sequence[str]) -> None:
-        """Drop conflicts with exactly this list of names that were not written out."""
-        self.stopped = [stopped for stopped in self.stopped if stopped[0] is not names]
+    def drop_conflicts(self, names: Sequence[str], takes_part: Sequence[int] | None) -> None:
+        """Drop conflicts that were not written out, of agents that take part in a turn.
+
+        Args:
+            names: the list of the names of all agents, as in `add_conflicts`.
+            takes_part: (agents,) whether each takes part; None: all do.
+        """
+        left = []
+        for known, agents, places in self.stopped:
+            if known is not names:
+                left.append((known, agents, places))
+            elif takes_part is not None:
+                rest = [(i, place) for i, place in zip(agents, places, strict=True) if not takes_part[i]]
+                left.append((known, [i for i, _ in rest], [place for _, place in rest]))
+        self.stopped = left
 
     def copied(self) -> "BlockedAgents":
         """Return a copy, without writing out conflicts."""

@@ -535,7 +535,7 @@ class TurnContacts(RuleMoves):
         self.seed: int | None = None
         self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
         self._slot_of: dict[int, Track | int] = {}  # agent -> its slot
-        self._order_of_slots: TurnOrder | None = None  # of `_slot_of`
+        self._taken: tuple[list[str], bytes] | None = None  # the agents of `_slot_of`, and which took part
         self._slots_and_agents = column("q"), column("q")  # of `_slot_of`
         self._moves: TurnMoves | None = None
         self._make_room(2, 0)
@@ -573,7 +573,7 @@ class TurnContacts(RuleMoves):
     def follow_agents(self) -> None:
         """Take agents that have come or left."""
         self.order = None
-        self._order_of_slots = None
+        self._taken = None
         if self.rules is not None:
             self.rules.follow_agents()
 
@@ -616,7 +616,8 @@ class TurnContacts(RuleMoves):
         if paths is None or len(tracks) == len(self._where):
             return
         if self._where is self._slot_of:
-            self._put_paths(paths, paths.maps[0], *self._slots_and_agents)
+            slots, agents = self._slots_and_agents
+            self._put_paths(paths, paths.maps[slots[0]], slots, agents)
             return
         by_roads: dict[RoadIds, tuple[list[int], list[int]]] = {}
         for agent, i in self._where.items():
@@ -629,15 +630,16 @@ class TurnContacts(RuleMoves):
 
     def _where_latest(self, moves: TurnMoves) -> dict[int, Track | int]:
         """Return the slot or the track of each agent, for moves that are the latest."""
-        order = moves.order
-        if order is not self._order_of_slots:
+        names = moves.order.names
+        if (names, moves.took_part) != self._taken:
             number = self.roster.number
-            self._slot_of = {number[name]: i for i, name in enumerate(order.names)}
-            self._slots_and_agents = column("q", range(len(order.names))), column("q", self._slot_of)
-            self._order_of_slots = order
+            self._slot_of = {number[names[i]]: i for i in moves.took_part_of(range(len(names)))}
+            self._slots_and_agents = column("q", moves.took_part_of(range(len(names)))), column("q", self._slot_of)
+            self._taken = names, moves.took_part
         maps = moves.paths.maps
-        roads = maps[0] if maps else None
-        if roads is not None and roads is not BY_IDS and maps.count(roads) == len(maps):
+        slots, _ = self._slots_and_agents
+        roads = maps[slots[0]] if len(slots) else None
+        if roads is not None and roads is not BY_IDS and maps.count(roads) == len(slots):
             return self._slot_of
         return {agent: _path_of(moves, i) for i, agent in zip(*self._slots_and_agents, strict=True)}
 
@@ -854,7 +856,7 @@ class GameContacts(MovesForRules):
         """Take the present agents."""
         block = ctx.agent.block
         self.epoch = self.phase.epoch
-        agents = block, block.structure.others
+        agents = block, block.structure.entries
         if self._agents == agents:
             return
         self._agents = agents

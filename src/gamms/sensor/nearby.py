@@ -245,6 +245,7 @@ class NearbyAgents(sight.AgentIndex):
         is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
         self.entered = block if is_plain and revision is not None else None
         self.epoch = self.phase.epoch
+        self.version = block.structure.version
         self.revision = revision
         return positions
 

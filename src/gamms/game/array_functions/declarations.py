@@ -293,8 +293,8 @@ def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) ->
     if turns.is_deciding and turns.asked_part is not None and ctx.game.time_budget is None:
         order, part = turns.asked_part
         number_of = {name: number for number, name in enumerate(names)}
-        here[0, [number_of[order.names[i]] for i in part.members]] = True
-        for slot in order.slots:
+        here[0, [number_of[order.names[i]] for i in part.present(part.members)]] = True
+        for slot in order.slots.made():
             drawn[0, number_of[slot.name]] = slot.marks()[0] or 0
     return here, drawn
 

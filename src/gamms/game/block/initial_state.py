@@ -235,8 +235,8 @@ class InitialState:
         self._below = state.streets.columns.xy[below]
         rows = [block.row_of(name) if name in known else None for name in names]
         self._poses = poses_in(block, rows, starts)
-        places = [-1 if moves is None else moves.order.index_of.get(name, -1) for name in names]
-        put = [place >= 0 and moves is not None and moves.was_put(place) for place in places]
+        places = [None if moves is None else moves.index_of(name) for name in names]
+        put = [place is not None and moves is not None and moves.was_put(place) for place in places]
         self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
         for number, has_flown in zip(numbers.tolist(), self._have_flown, strict=True):
             self._placed[number] |= has_flown
@@ -312,7 +312,8 @@ class LastTurn(NamedTuple):
             UnknownName (KeyError): a move used a node or an edge that is no longer on the map.
         """
         number = {name: i for i, name in enumerate(roster.names)}
-        pairs = [(i, number[name]) for name, i in moves.order.index_of.items() if name in number]
+        places = moves.took_part_of(range(len(moves.slots)))
+        pairs = [(i, number[moves.order.names[i]]) for i in places if moves.order.names[i] in number]
         slots = [i for i, _ in pairs]
         numbers = np.array([number for _, number in pairs], np.int64)
         starts = node.copy()

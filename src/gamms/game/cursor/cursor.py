@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
 
@@ -133,18 +133,19 @@ class _StreamPositions(NamedTuple):
     looks: list[Any]
 
 
-class _LivingOrder(NamedTuple):
-    """The turn order of the living agents of a game.
+class _OrderInGames(NamedTuple):
+    """The turn order of the agents of some games.
 
     Attributes:
         order: the order.
         table: the keys of their draws.
-        asked: the asked agents, by the numbers of agents that are asked and of others that observe.
+        asked_of: returns the asked agents, by the numbers of agents that are asked and of others that observe, and by
+            which agents live.
     """
 
     order: TurnOrder
     table: DrawTable
-    asked: dict[tuple[bytes, bytes], _AskedAgents]
+    asked_of: Callable[[bytes, bytes, bytes], _AskedAgents]
 
 
 @dataclass
@@ -156,14 +157,14 @@ class _PopulationCaches:
         notices: the detection models of sensors that count their looks.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
         are_plain: whether this holds, and repeated calls in a turn return the same data.
-        living_of: returns the order of the living agents, by their rows and whether all know the same facts.
+        order_of: returns the order of the agents, by whether all know the same facts.
     """
 
     lasts: list[list[Any]]
     notices: list[Any]
     sees_world_only: bool
     are_plain: bool
-    living_of: Callable[[bytes, bool], _LivingOrder]
+    order_of: Callable[[bool], _OrderInGames]
 
 
 class Cursor:
@@ -188,7 +189,7 @@ class Cursor:
     """
 
     _has_begun = False
-    _living: _LivingOrder
+    _ordered: _OrderInGames
     _cached: _PopulationCaches
     _attributes_shown: list[dict[str, Any]]
     _marks: dict[int, _StreamPositions]  # of games, while agents arrive
@@ -395,7 +396,7 @@ class Cursor:
         notices = [counting[id(one)] for one in carried if id(one) in counting]
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
-        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
+        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, cache(self._new_order))
 
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
@@ -454,8 +455,11 @@ class Cursor:
         if private is not self._private_shown:
             self._private_shown = private
             values.agent_facts, values.team_facts = private
-        if pointed.alive != self._alive or is_public != self._is_public:
-            self._take_living(pointed.alive)
+        if self._alive is None or is_public != self._is_public:
+            self._take_order()
+        elif pointed.alive != self._alive:
+            self._alive = pointed.alive
+            self._ordered.order.take_lives()
         if self._state.radio is not None:
             self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
         facts = self._facts_of[number]
@@ -545,28 +549,29 @@ class Cursor:
         collectors.copy_from(self._parts.collectors, _itself)
         return collectors
 
-    def _take_living(self, alive: bytes) -> None:
-        """Use the turn order of the agents that live now."""
-        self._alive = alive
+    def _take_order(self) -> None:
+        """Use the turn order of the agents of the game, and let the living ones take part."""
+        self._alive = self._pointed.alive
         self._is_public = not any(self._private_shown or self._nothing_private)
-        self._living = self._cached.living_of(alive, self._is_public)
-        self._turns.take_order(self._living.order)
+        self._ordered = self._cached.order_of(self._is_public)
+        self._turns.take_order(self._ordered.order)
+        self._ordered.order.take_lives()
 
-    def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
-        """Return the order of the agents that live now; they may know the same facts or not."""
-        self._turns.forget_plan()  # facts may be private in this game
-        return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
+    def _new_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
+        """Return the order of the agents of the context; they may know the same facts or not."""
+        order = self._turns.make_order()
+        return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self._new_asked, order)))
 
-    def _order_of(self, population: Population, took_part: BoolArray) -> TurnOrder:
-        """Return the order of the agents that took part in a turn, some of which may have been deleted."""
-        alive = np.ascontiguousarray(took_part[population.numbers]).tobytes()
+    def _order_of(self, population: Population) -> TurnOrder:
+        """Return the order of other agents than the present ones, some of which may have been deleted."""
+        if population is self._population:
+            return self._ordered.order
         with self._phase.suspended():  # a strategy may ask how agents have moved
             with self._pointed.showing(population):
-                self._pointed.show_lives(alive)
-                living = self._caches_of(population).living_of(alive, self._is_public)
+                found = self._caches_of(population).order_of(self._is_public)
             if not self._pointed.has_other_agents():
-                self._take_living(bytes(self._block.alive))
-        return living.order
+                self._take_order()
+        return found.order
 
     # -- fields that are made when they are read ------------------------------------------------------------------
 
@@ -672,25 +677,29 @@ class Cursor:
         moment, population = self._pointed.moved.get(self._number, (None, self._population))
         if moment != self._moment:
             population = self._population
-        order = self._order_of(population, took_part)
+        order = self._order_of(population)
         ids = self._state.streets.ids
         courses = self._core.courses
-        numbers = np.flatnonzero(took_part)
-        acting = numbers
+        numbers = np.sort(population.numbers)
+        took_part = took_part[numbers]
+        starts = starts[numbers]
+        ends = np.where(took_part, ends[numbers], starts)
+        acting = np.where(took_part, numbers, -1)
         if self._part is not None:  # the others stay where they are
-            acting = np.where(self._core.part_of[numbers] == self._part, numbers, -1)
+            acting[self._core.part_of[numbers] != self._part] = -1
         actions = {}
         paths = None
         if courses is not None:
-            standing = np.where(acting < 0, numbers, -1)
-            paths = courses.game_paths(self._number, acting, standing, starts[took_part])
-        first = ids(starts[took_part]).tolist()
+            standing = np.where((acting < 0) & took_part, numbers, -1)
+            paths = courses.game_paths(self._number, acting, standing, starts)
+        first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._state.flights.actions(self._number, acting, first)
-        moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions, paths=paths)
+        lives = took_part.tobytes()
+        moves = TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
-                if took_part[number] and self._part in (None, self._core.part_of[number]):
+                if number in numbers[took_part] and self._part in (None, self._core.part_of[number]):
                     moves.do(int(np.searchsorted(numbers, number)), deeds)
         return moves
 
@@ -760,7 +769,7 @@ class Cursor:
         self._call_each(self._give_way_at_arrivals, games)
 
     def _give_way_at_arrivals(self) -> None:
-        order = self._living.order
+        order = self._ordered.order
         number = self._number
         agents = [self._number_of[name] for name in order.names]
         before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
@@ -849,7 +858,7 @@ class Cursor:
 
     def _call(self, function: Callable[[], object]) -> None:
         """Call a function in the current game, and store its changes."""
-        table = self._living.table
+        table = self._ordered.table
         begun = table.begun
         try:
             try:
@@ -1102,15 +1111,15 @@ class Cursor:
         if self._core.courses is not None:
             self._core.courses.routes.forget()
         which = agents.tobytes(), observing.tobytes()
-        new_asked = partial(self._new_asked, agents, observing)
         with self._deciding(games):
             for place in self._each(games):
                 number = self._number
-                self._living.table.rekey(state.seeds[number])
+                self._ordered.table.rekey(state.seeds[number])
                 if here is None:
-                    asked = kept_in(self._living.asked, which, new_asked)
+                    asked = self._ordered.asked_of(*which, self._block.alive.tobytes())
                 else:
-                    asked = self._new_asked(agents[here[number, agents]], observing[here[number, observing]])
+                    arriving, looking = [one[here[number, one]].tobytes() for one in (agents, observing)]
+                    asked = self._new_asked(self._ordered.order, arriving, looking, b"")
                 if not asked.part.observing:
                     continue
                 told = self._tell_blocked(asked) if are_blocked[place] or number in self._undone else ()
@@ -1145,7 +1154,7 @@ class Cursor:
         if self._core.arrival is None:
             for notice in self._cached.notices:
                 notice.reset()
-            decisions = self._turns.decide(self._living.order, asked.part)
+            decisions = self._turns.decide(self._ordered.order, asked.part)
         else:
             decisions = self._decide_at_arrival(asked)
         if not self._cached.sees_world_only:
@@ -1168,14 +1177,14 @@ class Cursor:
         """Return the decisions of agents that may have decided before in the same turn."""
         number = self._number
         turns = self._turns
-        slots = self._living.order.slots
+        slots = self._ordered.order.slots
         known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
         for notice, looks in zip(self._cached.notices, known.looks, strict=True):
             notice.go_to(looks)
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
         turns.travel.now = self._state.movement.now[number].item()
-        decisions: Decisions = turns.decide(self._living.order, asked.part)
+        decisions: Decisions = turns.decide(self._ordered.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
         self._marks[number] = _StreamPositions(
             known.streams | streams, [notice.mark() for notice in self._cached.notices]
@@ -1241,7 +1250,7 @@ class Cursor:
     def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the messages that agents of the current game send."""
         failed = decisions.failed
-        slots = self._living.order.slots
+        slots = self._ordered.order.slots
         number = self._number
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
         messages, unsent = self._turns.outboxes.read(
@@ -1267,17 +1276,17 @@ class Cursor:
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
-    def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
-        """Return the living agents that are asked, and the living agents that only observe."""
-        order = self._living.order
+    def _new_asked(self, order: TurnOrder, asked: bytes, observing: bytes, _: bytes) -> _AskedAgents:
+        """Return the living agents that are asked, and the living agents that only observe, given their numbers."""
         names = self._state.roster.names
-        named = [names[number] for number in agents.tolist()]
-        places = [order.index_of.get(name, -1) for name in named]
+        named = [names[number] for number in np.frombuffer(asked, np.int64).tolist()]
+        living = {order.names[i]: i for i in order.present()}
+        places = [living.get(name, -1) for name in named]
         members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
         part = order.whole
         if len(members) < len(order.slots):
-            part = TurnPart(order.slots, [i for i, _ in members], self._parts.settings)
-        others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
+            part = order.part_of([i for i, _ in members])
+        others = {living.get(names[number], -1) for number in np.frombuffer(observing, np.int64).tolist()} - {-1}
         if others:
             part.let_observe(others)
         templates = [(name, order.slots[i].template) for i, name in members]
@@ -1287,7 +1296,7 @@ class Cursor:
         """Set the reasons why agents failed to act in their last turns; return their slots."""
         state = self._state
         told = []
-        slots = self._living.order.slots
+        slots = self._ordered.order.slots
         numbers = self._number_of
         undone = self._undone.get(self._number, {})
         for i, name in asked.members:

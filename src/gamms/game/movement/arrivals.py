@@ -111,7 +111,7 @@ class ArrivingAgents:
         self.here: list[int] = []
         self.chosen = GamePaths(agents)
         self._under_way = order.block.under_way
-        self._rows = [slot.row for slot in order.slots]
+        self._rows = order.selection.rows
         self._members = members
         self._moved = set[int]()  # slots
         self._arrivals = ArrivalColumns((1, agents))
@@ -137,12 +137,6 @@ class ArrivingAgents:
         self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, _NO_PAST)
         columns["part_of"][:] = array(INT64, [1]) * agents
         columns["edge"][:] = array(INT64, [-1]) * agents
-        for i in members:
-            if order.slots[i].travels:
-                columns["alive"][i] = 1
-                columns["part_of"][i] = 0
-                speed = order.slots[i].speed
-                columns["speeds"][i] = nan if speed is None else speed
 
     def begin(self) -> list[int]:
         """Begin the part of a turn; return the slots of the agents that decide: all that are not on their way."""
@@ -154,6 +148,7 @@ class ArrivingAgents:
         self._movers.take_paths(self._paths.core)
         self._moved.clear()
         self._places: list[Any] = [*self._starts]
+        self._let_take_part(self.order.moving.present(self._members))
         for i, row in enumerate(self._rows):
             place = block.on_edge(row)
             if place is not None:
@@ -170,6 +165,18 @@ class ArrivingAgents:
         decides = self._arrivals.comes[0] == arrivals.ASKED
         going = {i for i in self.here if not decides[i]}
         return [i for i in self._members if i not in going]
+
+    def _let_take_part(self, members: Sequence[int]) -> None:
+        """Let the agents of these slots move that are on the ground."""
+        columns = self._columns
+        slots = self.order.slots
+        columns["alive"][:] = bytes(len(self._rows))
+        for i in members:
+            if slots[i].travels:
+                columns["alive"][i] = 1
+                columns["part_of"][i] = 0
+                speed = slots[i].speed
+                columns["speeds"][i] = nan if speed is None else speed
 
     def _play(self, phase: int) -> None:
         turn.play_phases(self._player, phase, 0, 1)

@@ -54,7 +54,7 @@ class Refusals:
         """
         turn = self._turn
         for i in members:
-            name = turn.slots[i].name
+            name = turn.slots.names[i]
             why = self.moves.get(name)
             if why and turn.stop(i):
                 yield i, None, "; ".join(sorted(why))
@@ -72,9 +72,10 @@ class TurnMoves(TurnMovesInCore):
         actions: slot -> its action, if it flies, turns or does deeds.
         moves: the starts and ends as arrays of the core; None: not known yet.
         paths: the paths of agents that do more than to move along one edge; None: there are none.
+        took_part: (agents,) whether each took part; None: those that take part now.
 
     Attributes:
-        order, starts, ends, actions, paths: see the arguments.
+        order, starts, ends, actions, paths, took_part: see the arguments.
         slots: the slots of the agents.
         applied: the version of the block when these moves were made, by agents with paths; -1: not known.
     """
@@ -106,22 +107,33 @@ class TurnMoves(TurnMovesInCore):
         """Return the same moves for the agents of a copied game, matched by name; see `Slots.of_agents`."""
         order = copy(self.order)
         order.block = agents.block
-        order.structure_version = -1  # versions of the copy are numbered independently
+        order.entries = -1  # those of the copy are numbered independently
         order.slots = self.slots.of_agents(agents, twin_of)
-        return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths)
+        return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths, took_part=self.took_part)
 
     def are_latest(self, block: AgentBlock) -> bool:
-        """Return whether all living agents are where these moves have brought them, along paths."""
-        is_same = self.order.block is block and self.order.structure_version == block.structure.version
+        """Return whether all agents that took part are where these moves have brought them, along paths."""
+        is_same = self.order.block is block and self.order.entries == block.structure.entries
         return is_same and self.applied == block.version
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, for agents on the ground, in the order of names."""
         if self.by_names is None:
-            self.by_names = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
+            ground = self.order.whole.on_ground
+            self.by_names = self.named(self.took_part_of(range(len(self.slots)) if ground is None else ground))
         return self.by_names
 
-    def named(self, indices: list[int]) -> dict[str, Move]:
+    def took_part_of(self, indices: Sequence[int]) -> Sequence[int]:
+        """Return those of some slots whose agents took part."""
+        took_part = self.took_part
+        return indices if 0 not in took_part else [i for i in indices if took_part[i]]
+
+    def index_of(self, name: str) -> int | None:
+        """Return the slot of an agent that took part, by its name; None: it did not."""
+        i: int | None = self.order.index_of.get(name)
+        return i if i is not None and self.took_part[i] else None
+
+    def named(self, indices: Sequence[int]) -> dict[str, Move]:
         """Return agent -> its move, for the slots `indices`."""
         moves = {}
         for i in indices:
@@ -156,7 +168,7 @@ class TurnMoves(TurnMovesInCore):
 
     def slot_of(self, agent: IAgent) -> int | None:
         """Return the slot of an agent; None: it has none, or is not where its move has ended."""
-        i: int | None = self.order.index_of.get(agent.name)
+        i = self.index_of(agent.name)
         if i is None or self.ends[i] != agent.current_node_id or self.slots[i].agent is not agent or self.was_put(i):
             return None
         return i
@@ -261,8 +273,9 @@ class TurnMoves(TurnMovesInCore):
                 travel.put(self.paths, i)
 
     def on(self, order: TurnOrder) -> "TurnMoves":
-        """Return the moves for another order; agents that are new in it stay."""
-        if order is self.order:
+        """Return the moves for another order, or of other agents that take part; those that are new stay."""
+        lives = order.moving.lives()
+        if order is self.order and lives == self.took_part:
             return self
         places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
         if order.rows_version != self.order.rows_version:  # a new agent may have the name of a deleted one
@@ -272,7 +285,9 @@ class TurnMoves(TurnMovesInCore):
                     places[i] = -1
         order.block.locate()
         nodes = order.nodes()
-        there = np.flatnonzero(places >= 0)
+        takes_part = (places >= 0) & np.frombuffer(lives, np.bool_)
+        takes_part[takes_part] = np.frombuffer(self.took_part, np.bool_)[places[takes_part]]
+        there = np.flatnonzero(takes_part)
         starts = np.array(nodes, np.int64)
         ends = np.array(nodes, np.int64)
         before = places[there]
