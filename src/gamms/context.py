@@ -107,7 +107,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         """Set an attribute; another engine has other agents or another map."""
         super().__setattr__(name, value)
         if name.endswith("_engine"):
-            self._phase.epoch += 1
+            self._phase.drop_plans()
 
     @property
     def agent(self) -> "agent.AgentEngine":
@@ -328,7 +328,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     def _end(self) -> None:
         self._alive = False
-        self._phase.epoch += 1
+        self._phase.drop_plans()
 
     def _repr_png_(self) -> bytes | None:
         """Return the current state as PNG for notebooks; None if it cannot be drawn."""

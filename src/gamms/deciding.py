@@ -108,20 +108,24 @@ class DecidePhase(NotPickled):
         """Set the agent or `Deciders` for which this asyncio task, and tasks started by it, decide."""
         _of_task.set((self, agent))
 
+    def drop_plans(self) -> None:
+        """Let the plans of turns be made again, because what they depend on may have changed."""
+        self.epoch += 1
+
     def change_settings(self) -> None:
         """Count a change of game settings."""
         self.setting_changes += 1
-        self.epoch += 1
+        self.drop_plans()
 
     def change_sensors(self) -> None:
         """Count a change of sensor settings, or an added or removed sensor."""
         self.sensor_changes += 1
-        self.epoch += 1
+        self.drop_plans()
 
     def change_strategies(self) -> None:
         """Count a change of the strategies of agents."""
         self.strategy_changes += 1
-        self.epoch += 1
+        self.drop_plans()
 
     @property
     def is_deciding(self) -> bool:

@@ -376,7 +376,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def _new_block(self) -> None:
         self._block = AgentBlock()
         self._block.structure.phase = self._phase
-        self._phase.epoch += 1
+        self._phase.drop_plans()
         self._positions = Positions(self._block)
 
     def _added(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
@@ -525,7 +525,7 @@ class AgentStorage(Guarded):
         engine = self._engine
         engine._is_shared = True
         engine._block = agents.block
-        engine._phase.epoch += 1
+        engine._phase.drop_plans()
         engine._positions = agents.positions
         engine._agents.clear()  # the same dict, which a function may hold
         engine._agents |= agents.by_name

@@ -56,7 +56,7 @@ def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     if not is_agent and not is_team:
         raise UnknownName("team or agent", name, [*ctx.agent.teams, *agents])
     if not (state.agent_facts or state.team_facts):
-        ctx.game.internals.parts.turns.forget_plan()
+        phase_of(ctx).drop_plans()
     return (state.agent_facts if is_agent else state.team_facts).setdefault(name, {})
 
 

@@ -649,7 +649,7 @@ class Game(Surface, RuleVerbs):
         try:
             self._internals.draw_start()
             self._turns.prepared = -1
-            self._turns.forget_plan()
+            self._phase.drop_plans()
         except BaseException:
             self.ctx.reseed(last, chance)
             raise

@@ -624,7 +624,7 @@ class RuleSet:
     def _set(self, rules: RuleTable) -> None:
         self.now = rules
         self._players.clear()
-        phase_of(self._ctx).epoch += 1
+        phase_of(self._ctx).drop_plans()
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""

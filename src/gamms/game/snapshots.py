@@ -174,7 +174,7 @@ class SnapshotTaker(NamedTuple):
         self.turns.restore(parts["turns"], shows_blocked=were_blocked or bool(state.blocked))
         if self.turns.prepared != parts["prepared"]:
             self.turns.prepared = parts["prepared"]
-            self.turns.forget_plan()
+            self.turns.phase.drop_plans()
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams; call it before `restore`."""
@@ -549,7 +549,7 @@ def copy_known(
         if disclose is not None:
             _put_in(state.data, copied(disclose(source.state.data, names), memo))
     state.stream_version += 1
-    target.turns.forget_plan()
+    target.turns.phase.drop_plans()
 
 
 def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:

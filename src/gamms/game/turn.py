@@ -167,10 +167,6 @@ class TurnEngine(GameTurn):
         self.order_now = None
         return self.order()
 
-    def forget_plan(self) -> None:
-        """Check what the plan depends on before the next turn, because other data than the agents may have changed."""
-        self.phase.epoch += 1
-
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an earlier order, whose agents are those of the context again."""
         order.entries = order.block.structure.entries
@@ -303,7 +299,7 @@ class TurnEngine(GameTurn):
         """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
         if self._order_of and self._order_of[-1] != self._is_public():
-            self.forget_plan()
+            self.phase.drop_plans()
         order = self.order() if drawn else self.order_now
         if order is None:
             return

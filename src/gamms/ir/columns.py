@@ -66,7 +66,7 @@ class StructureLog:
         self._rows += rows
         self.entries = self._first + len(self._rows)
         self.version += 1
-        self.phase.epoch += 1
+        self.phase.drop_plans()
         if len(self._rows) > _MOST_NOTED:
             self.note_all(self)
 
@@ -79,7 +79,7 @@ class StructureLog:
         self._first = before.entries + 1
         self.entries = self._first
         self.version = before.version + 1
-        self.phase.epoch += 1
+        self.phase.drop_plans()
         self._rows = []
         self._closed = []
 

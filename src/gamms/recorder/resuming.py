@@ -11,6 +11,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_function_of, as_ids, as_int, as_items, as_mapping
+from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
@@ -132,7 +133,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
-    ctx.game.internals.parts.turns.forget_plan()
+    phase_of(ctx).drop_plans()
     replayer = Replayer(ctx)
     past = EventHistory(reader)
     with reporting_damage(f"This game cannot go on from turn {turn}"):

@@ -328,7 +328,7 @@ class Cursor:
         values.has_begun = False
         values.began = {}
         values.last_turn = None
-        self._turns.forget_plan()
+        self._phase.drop_plans()
         values.stream_version += 1  # slots have memories and draws of games of the batch
         turns.is_playing = False
         turns.is_moving = False
