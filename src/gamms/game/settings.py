@@ -127,7 +127,7 @@ class Settings(ContextPart):
     information: Literal["private", "full"] = "private"
     max_turns: int | None = None
     _called = "ctx.game"
-    _settings_now: tuple[int, dict[str, Any]] = -1, {}  # the count of changes, and the settings then
+    _settings_now: tuple[int, dict[str, Any]] = -1, {}  # an epoch, and the settings then
     _is_closed = False  # whether unknown attribute names are refused
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -161,8 +161,8 @@ class Settings(ContextPart):
     @refused_while_deciding
     def settings_now(self) -> dict[str, Any]:
         """Return all settings, read-only; the same dict is returned until a setting changes."""
-        if self._settings_now[0] != self._phase.setting_changes:
-            self._settings_now = self._phase.setting_changes, self.settings()
+        if self._settings_now[0] != self._phase.epoch:
+            self._settings_now = self._phase.epoch, self.settings()
         return self._settings_now[1]
 
     def plain_settings(self) -> dict[str, Any]:

@@ -437,15 +437,12 @@ class RecordingSession:
     def _current_versions(self) -> tuple[Any, ...]:
         """Return version numbers that change with maps, sensors, artists, agents, teams, strategies and plans."""
         ctx = self.ctx
-        phase = self._phase
         return (
             _REVISIONS(self._graph),
-            phase.sensor_changes,
+            self._phase.epoch,
             len(ctx.sensor.sensors),
             self.drawings.edits,
             ctx.agent.structure_version,
-            phase.strategy_changes,
-            phase.setting_changes,
         )
 
     def _note_world(self, log: Log, *, is_set_next: bool) -> None:

@@ -142,7 +142,7 @@ def _world(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
     """Return the movement of the agents of a game, and the data computed for its map."""
     revision = ctx.graph.graph.revision
     cache = ctx.game.internals.kept
-    version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
+    version = revision, phase_of(ctx).epoch, tuple([agent.speed for agent in roster.agents])
     known: _CachedMapData | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
         is_same_map = known is not None and revision is not None and known.version[0] == revision
