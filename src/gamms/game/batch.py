@@ -541,7 +541,18 @@ class Batch(Surface, Immutable, NotPickled):
         played = as_count(turn, "turn", least=0)
         if played > MOST_WHOLE:
             raise BadValue(f"turn must be at most {MOST_WHOLE}, not {shown(turn)}.")
-        self._arrays("load").load(columns, played, scores or {})
+        self._arrays("load").refuse_others(columns)
+        self._load(columns, played, scores or {})
+
+    def _load(
+        self,
+        columns: Columns,
+        turn: int,
+        scores: Mapping[Hashable, FloatArray | float],
+        games: slice = slice(None),
+    ) -> None:
+        """Set the state of games from checked columns; see `GameArrays.load`."""
+        self._arrays("load").load(columns, turn, scores, games)
         self._hide()
         self._begun[:] = -1
 
@@ -930,3 +941,27 @@ def step_with(games: Batch, given: Mapping[Hashable, OutsideActions], threads: i
     """
     games._refuse_closed()
     games._step(given, threads, is_logged=is_logged)
+
+
+def load_columns(
+    batch: Batch, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray], games: slice
+) -> None:
+    """Set the state of some games as `Batch.load` does, without checks; the other games do not go on.
+
+    Args:
+        batch: the batch.
+        columns: columns of a batch of the same scenario, with a row for each of these games; the others stay.
+        turn: the number of turns played.
+        scores: key -> the scores of these games.
+        games: the games.
+    """
+    batch._load(columns, turn, scores, games)
+
+
+def find_winners(games: Batch) -> IntArray:
+    """Return the number of each game's winning team in `games.teams`, (games,); -1: there is none."""
+    numbers = {team: number for number, team in enumerate(games.teams) if team is not None}
+    found = np.full(len(games), -1)
+    ended, ends = games._engine.ends()
+    found[ended] = [-1 if end is None else numbers.get(end["winner"], -1) for end in ends]
+    return found

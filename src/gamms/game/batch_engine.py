@@ -849,8 +849,17 @@ class BatchEngine(TurnDriver):
             needed.add("act")
         if any(one.has_conflicts for one in self._maps):
             needed.add("give way")
-        self.plan_now = self.make_plan(None, [needed] * self._num_parts, self._radio is not None)
+        parts = [needed] * self._num_parts
+        if self._plays_parts_at_once:
+            parts[:-1] = [set()] * (self._num_parts - 1)
+        self.plan_now = self.make_plan(None, parts, self._radio is not None)
         return self.plan_now
+
+    @property
+    def _plays_parts_at_once(self) -> bool:
+        """Whether nothing happens between the parts of a turn that the core does not do."""
+        by_metres = any(isinstance(one.state.movement, MetricMovement) for one in self._maps)
+        return not (self.plays_by_phases or self._acts or self._deed_log is not None or by_metres)
 
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Note which games play a turn, and which actions come from outside."""
@@ -1192,6 +1201,12 @@ class BatchEngine(TurnDriver):
         last = self.last_turn(game)
         is_late = last is not None and self._state.turn[game] >= last
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
+
+    def ends(self) -> tuple[IntArray, list[dict[str, Any] | None]]:
+        """Return the games that do not go on, and the reason, winner and truncation of the end that rules gave each."""
+        ended = np.flatnonzero(~self._state.is_going)
+        over = self._state.over
+        return ended, [over[game] for game in ended.tolist()]
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""

@@ -41,6 +41,7 @@ from gamms.kernels.draws import (
     places_of_agents,
     poisson,
     purpose_key,
+    purpose_keys,
     stream,
     stream_key,
     stream_keys,

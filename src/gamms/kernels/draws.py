@@ -27,6 +27,12 @@ def purpose_key(seed: int, *purpose: str | int) -> int:
     return _hash(repr((seed, *purpose)))
 
 
+def purpose_keys(seeds: Iterable[int], purposes: Sequence[tuple[str | int, ...]]) -> BitArray:
+    """Return the `purpose_key` of each seed and purpose, (seeds, purposes)."""
+    texts = [repr((seed, *purpose)) for seed in seeds for purpose in purposes]
+    return _hash_many(texts).reshape(-1, len(purposes))
+
+
 @lru_cache(maxsize=_MOST_NAMES)
 def name_key(name: str) -> int:
     """Return the 64-bit hash of a name."""
@@ -39,7 +45,7 @@ def name_keys(names: Iterable[str]) -> BitArray:
     if len(names) <= _MOST_NAMES:
         return np.array([name_key(name) for name in names], np.uint64)
     # NOTE: a quarter of the time of `name_key`, whose cache would be too small (benchmarks: sizes).
-    return np.frombuffer(b"".join(_digests(names)), "<u8").astype(np.uint64)
+    return _hash_many(names)
 
 
 def draw_bits(purpose: int, name: int, turn: int, k: int = 0) -> int:
@@ -129,6 +135,11 @@ def poisson(bits: int, mean: float) -> int:
 
 def _hash(text: str) -> int:
     return int.from_bytes(_digests([text])[0], "little")
+
+
+def _hash_many(texts: Sequence[str]) -> BitArray:
+    """Return the hash of each text, (texts,)."""
+    return np.frombuffer(b"".join(_digests(texts)), "<u8").astype(np.uint64)
 
 
 def _digests(texts: Sequence[str]) -> list[bytes]:

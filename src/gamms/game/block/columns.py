@@ -396,9 +396,11 @@ class AgentTable(NamedTuple):
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the public agents of a team, ascending."""
-        if as_key(team, "A team") not in self.public_teams:
+        number = self.teams.index(team) if as_key(team, "A team") in self.teams else -1
+        found = np.flatnonzero((self.team_of == number) & self.is_public)
+        if not len(found):
             raise UnknownName("team", team, self.public_teams)
-        return np.flatnonzero((self.team_of == self.teams.index(team)) & self.is_public)
+        return found
 
     @property
     def public_teams(self) -> tuple[Hashable, ...]:
@@ -510,8 +512,8 @@ def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     """Return the number of the map that each seed draws, (seeds,)."""
     if num_maps == 1:
         return np.zeros(len(seeds), np.int64)
-    purposes = np.array([kernels.purpose_key(seed, "map") for seed in seeds], np.uint64)
-    bits = kernels.draw_bits_rows(purposes, kernels.name_keys(["map"]), 0)
+    purposes = kernels.purpose_keys(seeds, [("map",)])
+    bits = kernels.draw_bits_rows(purposes[:, 0], kernels.name_keys(["map"]), 0)
     return kernels.below_many(bits, num_maps)
 
 

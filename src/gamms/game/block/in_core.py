@@ -465,7 +465,7 @@ class CoreColumns:
                     self.illegal.append(failure)
                 elif noted.kinds[row] == _WAITS:
                     self.waiting.add((failure.game, failure.agent))
-            self._state.events.take(noted.those(~is_wrong))
+            self._state.events.take(noted.those(~is_wrong) if is_wrong.any() else noted)
         self._note_wrong(wrong)
         for state in self._states:
             if state.movement.remembers:
@@ -474,24 +474,35 @@ class CoreColumns:
 
     def _read(self, events: rules.Events) -> CoreEvents:
         """Take the scores, and the ends of games that rules have noted; return the other events."""
-        state = self._state
         count = events.count
         columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
         games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
-        nodes = self._ids[self._first[self._map_of[games]] + nodes]
         flags = tuple(one.flags for one in self.rules)
         noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
-        noted = noted.those(np.argsort(games, kind="stable"))  # those of one map come behind those of another
+        if (games[1:] < games[:-1]).any():  # those of one map come behind those of another
+            noted = noted.those(np.argsort(games, kind="stable"))
         events.count = 0
-        self._note_scores(noted)
         is_end = noted.kinds == _END
-        for row in np.flatnonzero(is_end).tolist():
-            played = self.rules[noted.rules[row]]
-            game = int(noted.games[row])
-            winner = int(noted.agents[row])
-            reached = () if played.reason else self._reached(noted, row)
-            state.over[game] = joined_end(state.over[game], played.end(winner, reached, state.roster.teams))
-        return noted.those(~is_end)
+        self._end_games(noted, np.flatnonzero(is_end))
+        noted = noted.those(~is_end)
+        self._note_scores(noted)
+        return noted._replace(nodes=self._ids[self._first[self._map_of[noted.games]] + noted.nodes])
+
+    def _end_games(self, noted: CoreEvents, rows: IntArray) -> None:
+        """End games by the events in these rows."""
+        over = self._state.over
+        teams = self._state.roster.teams
+        kinds = noted.rules[rows] * (len(teams) + 1) + noted.agents[rows] + 1
+        for kind in np.flatnonzero(np.bincount(kinds)).tolist():  # a rule and a winner
+            number, winner = divmod(kind, len(teams) + 1)
+            played = self.rules[number]
+            those = rows[kinds == kind]
+            ends = [played.end(winner - 1, (), teams)] * len(those)
+            if not played.reason:
+                ends = [played.end(winner - 1, self._reached(noted, row), teams) for row in those.tolist()]
+            for game, end in zip(noted.games[those].tolist(), ends, strict=True):
+                known = over[game]
+                over[game] = end if known is None else joined_end(known, end)
 
     def _reached(self, noted: CoreEvents, end: int) -> list[Hashable]:
         """Return the teams of agents that have reached goals: events of the same rule and turn before an end."""
@@ -508,7 +519,7 @@ class CoreColumns:
         teams = self._state.roster.teams
         is_scored = np.array([one.points is not None for one in self.rules], np.bool_)
         has_floats = np.array([isinstance(one.points, float) for one in self.rules], np.bool_)
-        rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
+        rows = np.flatnonzero(noted.rules >= 0)
         rows = rows[is_scored[noted.rules[rows]]]
         rows = rows[_SCORING[noted.kinds[rows]]]
         if not len(rows):

@@ -1,5 +1,6 @@
 """The state of the games of a batch: positions, scores, events, deeds, and the memory of rules and strategies."""
 
+from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from copy import copy, deepcopy
@@ -218,11 +219,6 @@ def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArra
     return found
 
 
-def _purpose_keys(seeds: Sequence[int], purposes: Sequence[Purpose]) -> BitArray:
-    """Return the hashes of seeds and purposes, (seeds, purposes)."""
-    return np.array([[kernels.purpose_key(seed, *one) for one in purposes] for seed in seeds], np.uint64)
-
-
 def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
@@ -258,7 +254,7 @@ class GameArrays:
         turn: (games,) the number of turns played.
         scores: key -> (games,) numbers.
         counts: name -> (games, agents) the numbers of moves, conflicts and illegal actions.
-        errors: for each game, its error entries in order.
+        errors: game -> its error entries in order.
         failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
             together with its own.
         tell: called with each failure, to inform the agent.
@@ -309,7 +305,7 @@ class GameArrays:
         self.turn = np.zeros(games, np.int64)
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
-        self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
+        self.errors = defaultdict[int, list[dict[str, Any]]](list)
         self.over = list[dict[str, Any] | None]([None] * games)
         self.is_going = np.zeros(games, np.bool_)
         self.stops = np.zeros(shape, np.int64)
@@ -380,8 +376,7 @@ class GameArrays:
             if self.seeds[game] != seed:
                 self.seeds[game] = seed
                 changed.append(place)
-            if self.errors[game]:
-                self.errors[game] = []
+            self.errors.pop(game, None)
             if self.headings[game]:
                 self.headings[game] = {}
             self.over[game] = None
@@ -414,7 +409,7 @@ class GameArrays:
             return
         seeds = [self.seeds[game] for game in games.tolist()]
         for purposes, keys in self._purposes.items():
-            keys[games] = _purpose_keys(seeds, purposes)
+            keys[games] = kernels.purpose_keys(seeds, purposes)
         for purpose, drawn in self._draw_keys.items():
             drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
 
@@ -474,8 +469,9 @@ class GameArrays:
             found["stops"] = self.stops
         return found
 
-    def _refuse_others(self, columns: Columns, mine: Columns) -> None:
-        """Refuse columns whose names, shapes, data types or values do not fit `mine`, the columns of these games."""
+    def refuse_others(self, columns: Columns) -> None:
+        """Refuse columns whose names, shapes, data types or values do not fit the columns of these games."""
+        mine = self._remembered()
         shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
         wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
         if wrong:
@@ -553,22 +549,34 @@ class GameArrays:
             is_endless: BoolArray = np.any(np.isinf(columns["quat"]), axis=-1)
             yield "quat", is_endless, flyers, "which is not a rotation"
 
-    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
-        """Set the state of all games from `columns`, and clear their events and errors."""
+    def load(
+        self,
+        columns: Columns,
+        turn: int,
+        scores: Mapping[Hashable, FloatArray | float],
+        games: slice = slice(None),
+    ) -> None:
+        """Set the state of games from checked columns; the other games do not go on. Clear events and errors of all.
+
+        Args:
+            columns: the columns to set, with a row for each of these games.
+            turn: the number of turns played.
+            scores: the scores of these games.
+            games: the games; all by default.
+        """
         mine = self._remembered()
-        self._refuse_others(columns, mine)
-        for name, values in mine.items():
-            values[:] = columns[name]
+        for name, values in columns.items():
+            mine[name][games] = values
         self.turn[:] = turn
-        self.is_going[:] = True
+        self.is_going[:] = False
+        self.is_going[games] = True
         self.blocked[:] = False
         self.over[:] = [None] * len(self)
-        for errors in filter(None, self.errors):
-            errors.clear()
+        self.errors.clear()
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[:] = 0
         for key, points in scores.items():
-            self.scores.add(key, np.arange(len(self)), points)
+            self.scores.add(key, np.arange(len(self))[games], points)
         for log in self._logs:
             log.clear()
         for those in [those for key, those in self.kept.items() if isinstance(key, tuple) and key[:1] == (READ,)]:
@@ -633,7 +641,7 @@ class GameArrays:
         over = [*self.over]
         headings = [*self.headings]
         undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
-        num_errors = [len(errors) for errors in self.errors]
+        num_errors = {game: len(errors) for game, errors in self.errors.items()}
 
         def undo() -> None:
             for column, values in zip(columns, copies, strict=True):
@@ -646,8 +654,8 @@ class GameArrays:
             for undo_log in undo_logs:
                 undo_log()
             self.movement.roads = self.roads if self.roads.are_closed else None
-            for errors, number in zip(self.errors, num_errors, strict=True):
-                del errors[number:]
+            for game, errors in self.errors.items():
+                del errors[num_errors.get(game, 0) :]
             self.now.clear()
 
         return undo
@@ -690,7 +698,7 @@ class GameArrays:
         """Return the hashes of each game's seed and each purpose, (games, purposes)."""
         keys = self._purposes.get(purposes)
         if keys is None:
-            keys = _purpose_keys(self.seeds, purposes)
+            keys = kernels.purpose_keys(self.seeds, purposes)
             self._purposes[purposes] = keys
         return keys
 
