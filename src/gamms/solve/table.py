@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import chain
+from itertools import chain, count, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from gamms.solve.worlds import (
     States,
     TurnResults,
     TurnSimulator,
-    joined,
+    concatenate,
     simulator_of,
 )
 from gamms.text import shown
@@ -113,11 +113,11 @@ class Table:
         self.by_turn = by_turn
         self.by_scores = world.with_scores
         self.earlier = [_before(world, team) for team in setup.teams]
-        states = len(parts.nodes)
-        self.nodes = np.array(parts.nodes)
-        self.alive = np.array(parts.alive)
+        states = len(parts.level)
+        self.nodes = np.concatenate(parts.nodes)
+        self.alive = np.concatenate(parts.alive)
         self.level = np.array(parts.level)
-        self.parents = np.array(parts.parents).reshape(-1, 2)
+        self.parents = np.concatenate(parts.parents)
         most = max((one.shape[2] for one in parts.legal), default=1)
         self.legal = np.full((states, len(self.roster.names), most), -1)
         self.counts = np.ones(self.nodes.shape, np.int64)
@@ -244,20 +244,22 @@ def _before(world: TurnSimulator, team: Any) -> list[str]:
 
 
 def _in_order(parts: "list[Outcomes]", place: IntArray) -> Outcomes:
-    """Concatenate outcomes, and sort them by row."""
-    at = np.argsort(place)
-    after, gains, winner = (np.concatenate(columns)[at] for columns in zip(*parts, strict=True))
-    return Outcomes(after, gains, winner)
+    """Concatenate outcomes, and put each into its row."""
+    columns = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    ordered = [np.empty_like(column) for column in columns]
+    for column, values in zip(ordered, columns, strict=True):
+        column[place] = values
+    return Outcomes(*ordered)
 
 
 class _FoundStates:
     """The states of a game found so far, part by part."""
 
     def __init__(self) -> None:
+        self.level: list[int] = []  # of each state
         self.nodes: list[IntArray] = []
         self.alive: list[BoolArray] = []
-        self.level: list[int] = []
-        self.parents: list[tuple[int, int]] = []
+        self.parents: list[IntArray] = []
         self.played: list[IntArray] = []  # the states for `legal`, `counts` and `sizes`
         self.legal: list[IntArray] = []
         self.counts: list[IntArray] = []
@@ -307,9 +309,9 @@ class _Explorer:
         self._by_winner = by_winner
         self._members = [world.roster.members(team) for team in setup.teams]
         self._last = world.terms.last_turn
-        self._known: dict[bytes, int] = {}
+        self._known: dict[bytes, int] = {}  # the key of a state -> its number
         self._found = _FoundStates()
-        self._new: list[States] = []  # states of the next level
+        self._new: list[tuple[IntArray, States]] = []  # numbers and states of the next level
         self._again: list[tuple[int, States, int]] = []  # states that were reached again, at a later turn
 
     def explore(self) -> _FoundStates:
@@ -317,8 +319,8 @@ class _Explorer:
         self._number(start, np.full(1, GOES_ON), 0, np.full((1, 2), -1))
         turn = 0
         while self._new and (self._last is None or turn < self._last):
-            frontier = joined(self._new)
-            ids = np.array([self._known[key] for key in frontier.keys])
+            ids = np.concatenate([numbers for numbers, _ in self._new])
+            frontier = concatenate([states for _, states in self._new])
             self._new = []
             if self._by_turn:
                 self._known = {}
@@ -333,7 +335,7 @@ class _Explorer:
     def _expand(self, frontier: States, ids: IntArray, turn: int) -> None:
         """Play all turns from the states of a turn."""
         legal = self._world.legal(frontier, turn)
-        counts = np.ones(frontier.nodes.shape, np.int64)
+        counts = np.ones(legal.shape[:2], np.int64)
         for members in self._members:
             counts[:, members] = np.maximum(1, (legal[:, members] >= 0).sum(axis=2))
         sizes = np.ones((len(ids), 2), np.int64)
@@ -348,15 +350,14 @@ class _Explorer:
         for begin in range(0, len(sources), self._world.rows):
             source = sources[begin : begin + self._world.rows]
             action = actions[begin : begin + self._world.rows]
-            states = frontier.take(source)
             chosen = self._decoded(action, counts[source], sizes[source])
-            played = self._play(states, chosen, turn)
+            played = self._play(frontier, source, chosen, turn)
             rows = np.column_stack((ids[source], action))
             found.rows.append(rows)
             after = self._number(played.states, played.winner, turn + 1, rows)
             found.usual.append(Outcomes(after, played.gains, played.winner))
             if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
-                late = played if turn == self._last - 1 else self._play_last(states, chosen, self._last - 1)
+                late = played if turn == self._last - 1 else self._play_last(frontier, source, chosen, self._last - 1)
                 found.last.append(Outcomes(after, late.gains, late.winner))
 
     def _decoded(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
@@ -368,22 +369,24 @@ class _Explorer:
                 left, chosen[:, agent] = np.divmod(left, counts[:, agent])
         return chosen
 
-    def _play(self, states: States, chosen: IntArray, turn: int) -> TurnResults:
+    def _play(self, states: States, rows: IntArray, chosen: IntArray, turn: int) -> TurnResults:
         """Play turns, and again with another seed, turn and scores, to detect whether they depend on these."""
         world = self._world
-        played = world.play(states, chosen, turn)
+        played = world.play(states, rows, chosen, turn)
         shift = Perturbation(seed=1, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
-        again = np.tile(np.arange(len(states)), max(1, _DRAWS // len(states)))  # each with a seed of its own
-        other = world.play(states.take(again), chosen[again], turn, shift)
-        differs = played.take(again).differs(other, by_winner=self._by_winner)
+        again = np.tile(np.arange(len(rows)), max(1, _DRAWS // len(rows)))  # each with a seed of its own
+        other = world.play(states, rows[again], chosen[again], turn, shift)
+        same = played if len(again) == len(rows) else played.take(again)
+        differs = same.differs(other, by_winner=self._by_winner)
         if differs.any():
             row = again[np.flatnonzero(differs)[:1]]
-            self._explain(states.take(row), chosen[row], turn, shift)
+            self._explain(states.take(rows[row]), chosen[row], turn, shift)
         return played
 
-    def _play_last(self, states: States, chosen: IntArray, turn: int) -> TurnResults:
+    def _play_last(self, states: States, rows: IntArray, chosen: IntArray, turn: int) -> TurnResults:
         """Play the last turn, which may depend on the scores so far if the winner matters."""
-        return self._play(states, chosen, turn) if self._by_winner else self._world.play(states, chosen, turn)
+        play = self._play if self._by_winner else self._world.play
+        return play(states, rows, chosen, turn)
 
     def _other_turn(self, turn: int) -> int:
         """Return the shift in turns for the repetition, 0 if the turn is part of the state."""
@@ -395,16 +398,18 @@ class _Explorer:
 
     def _explain(self, states: States, chosen: IntArray, turn: int, shift: Perturbation) -> None:
         """Raise an error that names the hidden dependence of a turn."""
-        played = self._world.play(states, chosen, turn)
+        rows = np.arange(len(states))
+        played = self._world.play(states, rows, chosen, turn)
 
-        def goes_differently(other: Perturbation) -> bool:
-            return bool(played.differs(self._world.play(states, chosen, turn, other), by_winner=self._by_winner).any())
+        def goes_differently(shift: Perturbation) -> bool:
+            other = self._world.play(states, rows, chosen, turn, shift)
+            return bool(played.differs(other, by_winner=self._by_winner).any())
 
         for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
             if goes_differently(one):
                 raise _HiddenDependence(name)
         roster = self._world.roster
-        nodes = states.nodes[0].tolist()
+        nodes = self._world.places(states)[0][0].tolist()
         where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
         others = [team for team in roster.teams if team not in self._setup.teams]
         whose = f", a conflict or a strategy of {', '.join(map(shown, others))}" if others else " or a conflict"
@@ -416,35 +421,47 @@ class _Explorer:
 
     def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
         """Return the numbers of states; store new ones."""
-        known = self._known
-        found = self._found
-        new = []
-        numbers = np.zeros(len(states), np.int64)
-        for row, (key, won) in enumerate(zip(states.keys, winner.tolist(), strict=True)):
-            name = key if won == GOES_ON else b"%d over " % won + key
-            number = known.get(name)
-            if number is None:
-                number = len(found.level)
-                known[name] = number
-                found.level.append(turn)
-                new.append(row)
-            elif states.snapshots and found.level[number] < turn and len(self._again) < _CHECKED and won == GOES_ON:
-                self._again.append((number, states.take(np.array([row])), turn))
-            numbers[row] = number
-        found.nodes += list(states.nodes[new])
-        found.alive += list(states.alive[new])
-        found.parents += [tuple(one) for one in parents[new].tolist()]
-        if len(found.level) > self._setup.max_states:
-            raise TooLarge(self._too_many())
-        going = [row for row in new if winner[row] == GOES_ON]
-        if going:
-            self._new.append(states.take(np.array(going)))
+        keys = states.keys(winner)
+        numbers = self._find(keys)
+        level = self._found.level
+        if states.snapshots:
+            reached = np.flatnonzero((numbers >= 0) & (winner == GOES_ON)).tolist()
+            later = [row for row in reached if level[numbers[row]] < turn]
+            room = _CHECKED - len(self._again)
+            self._again += [(int(numbers[row]), states.take(np.array([row])), turn) for row in later[:room]]
+        rows = np.flatnonzero(numbers < 0)
+        if len(rows):
+            unknown = [keys[row] for row in rows.tolist()]
+            first_row = dict(zip(reversed(unknown), reversed(rows.tolist()), strict=True))
+            new = dict.fromkeys(unknown)  # in the order of their first rows
+            self._known |= zip(new, count(len(level)), strict=False)
+            level += [turn] * len(new)
+            numbers[rows] = self._find(unknown)
+            self._store(states, np.array([first_row[key] for key in new]), winner, numbers, parents)
         return numbers
 
+    def _find(self, keys: list[bytes]) -> IntArray:
+        """Return the numbers of the states with these keys; -1: it is new."""
+        return np.fromiter(map(self._known.get, keys, repeat(-1)), np.int64, len(keys))
+
+    def _store(self, states: States, new: IntArray, winner: IntArray, numbers: IntArray, parents: IntArray) -> None:
+        """Store new states, in these rows; those in which the game goes on are on the next level."""
+        found = self._found
+        nodes, alive = self._world.places(states.take(new))
+        found.nodes.append(nodes)
+        found.alive.append(alive)
+        found.parents.append(parents[new])
+        if len(found.level) > self._setup.max_states:
+            raise TooLarge(self._too_many())
+        going = new[winner[new] == GOES_ON]
+        if len(going):
+            self._new.append((numbers[going], states.take(going)))
+
     def _too_many(self) -> str:
-        places = {tuple(one) for one in np.column_stack((self._found.nodes, self._found.alive)).tolist()}
+        places = np.column_stack((np.concatenate(self._found.nodes), np.concatenate(self._found.alive)))
+        joint = {tuple(one) for one in places.tolist()}
         return (
-            f"This game has more than {self._setup.limit}={self._setup.max_states:,} states, but only {len(places):,} "
+            f"This game has more than {self._setup.limit}={self._setup.max_states:,} states, but only {len(joint):,} "
             "joint positions: its rules or strategies store more than positions"
             f"{', and states include the turn' * self._by_turn}. Use rules that store less, fewer turns=, a smaller "
             f"map, or a larger {self._setup.limit}=."
@@ -467,16 +484,15 @@ class _Explorer:
         actions = np.arange(int(sizes.prod()))
         of_rows = np.zeros(len(actions), np.int64)
         chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
-        later = self._world.play(states.take(of_rows), chosen, turn)
+        later = self._world.play(states, of_rows, chosen, turn)
+        reached = self._find(later.states.keys(later.winner))
         for rows, outcomes in zip(found.rows, found.usual, strict=True):
             for at in np.flatnonzero(rows[:, 0] == number).tolist():
                 action = int(rows[at, 1])
-                name = later.states.keys[int(rows[at, 1])]
-                won = int(later.winner[action])
-                key = name if won == GOES_ON else b"%d over " % won + name
                 changed = abs(later.gains[action] - outcomes.gains[at]).max() > TOLERANCE
-                if changed or self._known.get(key) != outcomes.after[at]:
-                    where = dict(zip(self._world.roster.names, states.nodes[0].tolist(), strict=True))
+                if changed or reached[action] != outcomes.after[at]:
+                    nodes = self._world.places(states)[0][0].tolist()
+                    where = dict(zip(self._world.roster.names, nodes, strict=True))
                     raise BadValue(
                         f"This game cannot be solved: from {where} a turn has other outcomes after another history, "
                         "although ctx.game.data is equal. Store the memory of rules there."

@@ -1,6 +1,7 @@
-"""One turn of a game from any of its states, by the scenario's own rules: as a batch if possible, else one by one.
+"""One turn of a game from any of its states, by the scenario's own rules: many at once in a batch, or one by one.
 
-Each turn is played twice, the second time with another seed, turn and scores, to detect dependence on these.
+A batch plays games whose states are in its columns; see `_fits_columns`. Each turn is played twice, the second time
+with another seed, turn and scores, to detect dependence on these.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -14,9 +15,11 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
-from gamms.game.batch import Batch
-from gamms.game.block.columns import AgentTable
+from gamms.game.array_functions.given import OutsideActions
+from gamms.game.batch import Batch, find_winners, load_columns, step_with
+from gamms.game.block.columns import AgentTable, roster_of
 from gamms.game.block.state import Columns
+from gamms.game.cursor.called_functions import first_called
 from gamms.game.hidden_state import HiddenState
 from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -29,9 +32,10 @@ from gamms.typing import AgentType
 GOES_ON = -2  # instead of the number of the winning team
 NO_WINNER = -1
 Strategies = Mapping[str, Any]
-_MOST_ROWS = 1 << 13  # turns that are played at once in a batch
+_MOST_ROWS = 1 << 12  # turns that are played at once in a batch
 _FEWEST_ROWS = 128
 _FEW_ROWS = 256  # turns that are played one by one
+_FIXED = ("start", "is_there")  # columns of a batch that only functions change, which these games do not call
 TOLERANCE = 1e-9  # for comparing scores
 
 
@@ -53,52 +57,46 @@ SAME = Perturbation(seed=0, turns=0, scores=0.0)
 
 
 class States:
-    """States of a game from which turns can be played: `columns` for a batch, `snapshots` for a context.
+    """States of a game from which turns can be played.
 
     Attributes:
-        keys: keys that are equal only if all later turns are equal.
-        nodes: (states, agents) ids of the agents' nodes, in the order of their names.
-        alive: (states, agents)
+        records: (states,) one record for each state, which are equal only if all later turns are equal.
+        snapshots: what a context restores for each state; empty for a batch, which restores the records.
     """
 
-    def __init__(
-        self,
-        keys: list[bytes],
-        nodes: IntArray,
-        alive: BoolArray,
-        columns: Columns | None = None,
-        snapshots: Sequence[Snapshot] = (),
-    ) -> None:
-        self.keys = keys
-        self.nodes = nodes
-        self.alive = alive
-        self.columns = columns
+    def __init__(self, records: np.ndarray[Any, Any], snapshots: Sequence[Snapshot] = ()) -> None:
+        self.records = records
         self.snapshots = snapshots
 
     def __len__(self) -> int:
-        return len(self.keys)
+        return len(self.records)
+
+    def keys(self, winner: IntArray) -> list[bytes]:
+        """Return keys of dicts for the states with these winners, (states,); see `TurnResults`."""
+        size = self.records.itemsize
+        rows = np.empty((len(self), size + winner.itemsize), np.uint8)
+        rows[:, :size] = self.records.view(np.uint8).reshape(len(self), size)
+        rows[:, size:] = winner.view(np.uint8).reshape(len(self), winner.itemsize)
+        keys: list[bytes] = rows.view(f"V{rows.shape[1]}").ravel().tolist()
+        return keys
+
+    def differs(self, other: "States") -> BoolArray:
+        """Return whether each state differs from the one in the same row of `other`, (states,)."""
+        found = np.zeros(len(self), np.bool_)
+        is_other = self.records.view(np.uint8) != other.records.view(np.uint8)
+        found[np.flatnonzero(is_other) // self.records.itemsize] = True
+        return found
 
     def take(self, rows: IntArray) -> "States":
         """Return the states in these rows."""
-        columns = None if self.columns is None else {name: values[rows] for name, values in self.columns.items()}
-        numbers = rows.tolist()
-        snapshots = [self.snapshots[row] for row in numbers] if self.snapshots else ()
-        return States([self.keys[row] for row in numbers], self.nodes[rows], self.alive[rows], columns, snapshots)
+        snapshots = [self.snapshots[row] for row in rows.tolist()] if self.snapshots else ()
+        return States(self.records.take(rows), snapshots)
 
 
-def joined(parts: Sequence[States]) -> States:
+def concatenate(parts: Sequence[States]) -> States:
     """Concatenate states of one game."""
-    first = parts[0].columns
-    columns = None if first is None else {name: np.concatenate([_of(one, name) for one in parts]) for name in first}
-    keys = list(chain.from_iterable(part.keys for part in parts))
     snapshots = list(chain.from_iterable(part.snapshots for part in parts))
-    nodes = np.concatenate([one.nodes for one in parts])
-    alive = np.concatenate([one.alive for one in parts])
-    return States(keys, nodes, alive, columns, snapshots)
-
-
-def _of(states: States, name: Hashable) -> np.ndarray[Any, Any]:
-    return states.columns[name]  # type: ignore[index] # asked of states in arrays
+    return States(np.concatenate([one.records for one in parts]), snapshots)
 
 
 class TurnResults(NamedTuple):
@@ -120,12 +118,11 @@ class TurnResults(NamedTuple):
 
     def differs(self, other: "TurnResults", *, by_winner: bool) -> BoolArray:
         """Return whether the results of each turn differ, (states,); compare winners if `by_winner`."""
-        keys = [mine != theirs for mine, theirs in zip(self.states.keys, other.states.keys, strict=True)]
         gains = (abs(self.gains - other.gains) > TOLERANCE).any(axis=1)
         winners = self.winner != other.winner
         if not by_winner:
             winners = (self.winner == GOES_ON) != (other.winner == GOES_ON)
-        found: BoolArray = (np.array(keys, np.bool_) & (self.winner == GOES_ON)) | gains | winners
+        found: BoolArray = (self.states.differs(other.states) & (self.winner == GOES_ON)) | gains | winners
         return found
 
 
@@ -147,11 +144,16 @@ class TurnSimulator(Protocol):
     def start(self) -> States:
         """Return the initial state of the game."""
 
+    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+        """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each, ordered by name."""
+
     def legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most), the current node first, padded with -1."""
 
-    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
-        """Play a turn from each state with these actions, (states, agents)."""
+    def play(
+        self, states: States, rows: IntArray, actions: IntArray, turn: int, shift: Perturbation = SAME
+    ) -> TurnResults:
+        """Play a turn from the states in these rows with these actions, (rows, agents)."""
 
     def why_not(self) -> str:
         """Return why the results cannot be relied on, or ""."""
@@ -216,19 +218,30 @@ def simulator_of(setup: GameSetup) -> TurnSimulator:
         game = ctx.game
         _refuse(game)
         number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup))
-        is_plain = not game.scores and len(game.agents) == len(ctx.agent.agents)
-        # An array rule may close roads, which a batch cannot load into games in the core.
-        is_plain &= not any(one.spec.is_array_function for one in game.rules)
-        if is_plain and not game.settings()["channels"] and not any(one.phase == "before" for one in game.rules):
-            batch = game.batch(number, seeds=range(setup.seed, setup.seed + number))
-            if batch.slow is None:
-                ctx.terminate()
-                return BatchSimulator(batch, setup)
-            batch.close()
-        return ContextSimulator(ctx, setup)
+        if not _fits_columns(ctx):
+            return ContextSimulator(ctx, setup)
+        batch = game.batch(number + 1, seeds=range(setup.seed, setup.seed + number + 1))
+        ctx.terminate()
+        return BatchSimulator(batch, setup)
     except BaseException:
         ctx.terminate()
         raise
+
+
+def _fits_columns(ctx: Context) -> bool:
+    """Return whether a batch can continue a game from any of its states, because its columns hold all of a state.
+
+    They hold neither the values of plain functions, nor roads that array rules close, messages under way, and scores or
+    dead agents of the start. Rules before the moves may make actions illegal that were legal before.
+    """
+    game: Game = ctx.game
+    return not (
+        first_called(game, roster_of(game))
+        or any(one.phase == "before" or one.spec.is_array_function for one in game.rules)
+        or game.settings()["channels"]
+        or game.scores
+        or len(game.agents) < len(ctx.agent.agents)
+    )
 
 
 def _positions(ctx: Context, setup: GameSetup) -> int:
@@ -290,7 +303,10 @@ def _refuse(game: Game) -> None:
 
 
 class BatchSimulator:
-    """Plays many turns at once as a batch; see `TurnSimulator`."""
+    """Plays many turns at once as a batch; see `TurnSimulator`.
+
+    A record of a state has the columns of the batch as fields, and the scores of the teams if they are part of states.
+    """
 
     with_scores = False
 
@@ -299,14 +315,15 @@ class BatchSimulator:
         self._teams = setup.teams
         game = batch.game
         self.roster = AgentTable.of(game.agents)
-        self.rows = len(batch)
+        self.rows = len(batch) - 1
         self.terms = TurnTerms.of(batch.game.ctx.game, setup.last_turn)
         batch.step()  # so that rules and strategies have created their memories
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
-        self._start = batch.columns()
-        self._maps = dict[bytes, int]()  # state of the roads -> a number from 1 on
+        self._start = {name: column for name, column in batch.columns().items() if name not in _FIXED}
         self._acting = [batch.observe(team).agents for team in setup.teams]
+        self._scored: tuple[Hashable, ...] = ()  # the teams whose scores are fields of a record, after the columns
+        self._record = np.dtype([])
 
     def close(self) -> None:
         """End the batch."""
@@ -318,81 +335,86 @@ class BatchSimulator:
 
     def start(self) -> States:
         """Return the state in which the game begins."""
-        states = States([], self._start["node"], self._start["alive"], self._start)
-        self._load(states, np.arange(self.rows), 0, 0.0)
-        return self._states().take(np.zeros(1, np.int64))
+        self._scored = self._batch.teams if self.with_scores else ()
+        fields = [(f"column {number}", one.dtype, one.shape[1:]) for number, one in enumerate(self._start.values())]
+        fields += [(f"score {number}", np.dtype(np.float64), ()) for number in range(len(self._scored))]
+        self._record = np.dtype(fields)
+        load_columns(self._batch, self._start, 0, {}, slice(None))
+        return self._as_states(self._batch.columns(), self._batch.scores, slice(0, 1))
+
+    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+        """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
+        columns = dict(zip(self._start, self._record.names or (), strict=False))
+        return self._streets.ids_of(states.records[columns["node"]]), states.records[columns["alive"]]
 
     def legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most)."""
         parts = []
         for begin in range(0, len(states), self.rows):
             rows = np.arange(begin, min(begin + self.rows, len(states)))
-            self._load(states, np.arange(begin, begin + self.rows).clip(max=rows[-1]), turn, 0.0)
-            legal = np.full((len(rows), len(self.roster.names), self._most()), -1)
+            self._load(states, rows, slice(0, len(rows)), turn, 0.0)
+            found = dict[int, IntArray]()
             for team in self._batch.teams:
                 view = self._batch.observe(team)
-                found = view["legal"][: len(rows)]
-                legal[:, view.agents, : found.shape[2]] = found
-            legal[~states.alive[rows], 1:] = -1
+                most = int(view.counts[: len(rows)].max())
+                found.update(
+                    zip(view.agents.tolist(), view["legal"][: len(rows), :, :most].swapaxes(0, 1), strict=True)
+                )
+            width = max(part.shape[1] for part in found.values())
+            legal = np.full((len(rows), len(found), width), -1)
+            for agent, nodes in found.items():
+                legal[:, agent, : nodes.shape[1]] = nodes
             parts.append(legal)
         most = max(part.shape[2] for part in parts)
         padded = [np.pad(part, ((0, 0), (0, 0), (0, most - part.shape[2])), constant_values=-1) for part in parts]
-        return np.concatenate(padded)
+        legal = np.concatenate(padded)
+        legal[~self.places(states)[1], 1:] = -1
+        return legal
 
-    def _most(self) -> int:
-        return max(int(self._batch.observe(team).counts.max()) for team in self._batch.teams)
-
-    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
-        """Play a turn from each state."""
-        number = len(states)
+    def play(
+        self, states: States, rows: IntArray, actions: IntArray, turn: int, shift: Perturbation = SAME
+    ) -> TurnResults:
+        """Play a turn from the states in these rows."""
         batch = self._batch
-        places = (np.arange(number) + shift.seed) % self.rows  # the games of the batch have seeds of their own
-        rows = np.zeros(self.rows, np.int64)
-        rows[places] = np.arange(number)
-        before = self._load(states, rows, turn + shift.turns, shift.scores)
-        chosen = actions[rows]
-        batch.step({team: chosen[:, agents] for team, agents in zip(self._teams, self._acting, strict=True)})
-        is_last = self.terms.last_turn is not None and turn + shift.turns + 1 >= self.terms.last_turn
-        after = self._states()
-        is_over = batch.is_over | is_last
-        gains = np.stack([batch.scores.get(team, 0.0) - before[team] for team in batch.teams], axis=1)
-        winner = np.where(is_over, NO_WINNER, GOES_ON)
-        if is_over.any():
-            numbers = {team: place for place, team in enumerate(batch.teams) if team is not None}
-            won = [numbers.get(team, NO_WINNER) for team in batch.table()["winner"].tolist()]
-            winner = np.where(is_over, won, winner)
-        return TurnResults(after, gains, winner).take(places)
-
-    def _load(self, states: States, rows: IntArray, turn: int, more: float) -> dict[Any, FloatArray]:
-        """Load states into the games of the batch; return the scores by team."""
-        columns = {name: values[rows] for name, values in (states.columns or {}).items()}
-        scores = {
-            team: columns.pop(("score", team), np.zeros(self.rows)) + more * (place + 1)
-            for place, team in enumerate(self._batch.teams)
+        games = slice(shift.seed, shift.seed + len(rows))  # each game has a seed of its own
+        before = self._load(states, rows, games, turn + shift.turns, shift.scores)
+        chosen = np.zeros((len(batch), actions.shape[1]), np.int64)
+        chosen[games] = actions
+        given: dict[Hashable, OutsideActions] = {
+            team: OutsideActions(chosen[:, agents], {}, {}, are_legal=True)
+            for team, agents in zip(self._teams, self._acting, strict=True)
         }
-        numbers = columns.pop("roads", np.zeros(self.rows, np.int64))
-        maps = [*self._maps]
-        if numbers.any():
-            at_start = bytes(len(maps[0]))
-            packed = b"".join(maps[number - 1] if number else at_start for number in numbers.tolist())
-            columns["roads"] = np.frombuffer(packed, np.int32).reshape(self.rows, -1)
-        self._batch.load(columns, turn, scores)
+        step_with(batch, given, 1, is_logged=False)
+        scores = batch.scores
+        is_last = self.terms.last_turn is not None and turn + shift.turns + 1 >= self.terms.last_turn
+        gains = np.zeros((len(rows), len(batch.teams)))
+        for number, team in enumerate(batch.teams):
+            gains[:, number] = scores[team][games] - before.get(team, 0.0)
+        winner = np.where(batch.is_over | is_last, find_winners(batch), GOES_ON)[games]
+        return TurnResults(self._as_states(batch.columns(), scores, games), gains, winner)
+
+    def _load(self, states: States, rows: IntArray, games: slice, turn: int, more: float) -> dict[Any, FloatArray]:
+        """Load the states in these rows into games of the batch, with so much more points.
+
+        Returns:
+            The scores by team; without those of teams that have none.
+        """
+        records = states.records.take(rows)
+        fields = [records[name] for name in self._record.names or ()]
+        columns = dict(zip(self._start, fields, strict=False))
+        scores = dict[Any, FloatArray](zip(self._scored, fields[len(columns) :], strict=True))
+        for place, team in enumerate(self._batch.teams if more else ()):
+            scores[team] = scores.get(team, 0.0) + np.full(len(rows), more * (place + 1))
+        load_columns(self._batch, columns, turn, scores, games)
         return scores
 
-    def _states(self) -> States:
-        batch = self._batch
-        columns = batch.columns()
-        roads = columns.get("roads", np.zeros((len(batch), 0), np.int32))
-        number = self._maps
-        columns["roads"] = np.array(
-            [number.setdefault(row.tobytes(), 1 + len(number)) if row.any() else 0 for row in roads]
-        )
-        if self.with_scores:
-            columns |= {("score", team): batch.scores.get(team, np.zeros(len(batch))) for team in batch.teams}
-        packed = [np.ascontiguousarray(one).reshape(len(batch), -1).view(np.uint8) for one in columns.values()]
-        joined = np.ascontiguousarray(np.concatenate(packed, axis=1))
-        keys = joined.view(f"V{joined.shape[1]}").ravel().tolist()
-        return States(keys, self._streets.ids(columns["node"]), columns["alive"], columns)
+    def _as_states(self, columns: Columns, scores: Mapping[Any, FloatArray], games: slice) -> States:
+        """Return the states of games of the batch from its columns and scores."""
+        values = [*map(columns.__getitem__, self._start), *map(scores.__getitem__, self._scored)]
+        records = np.empty(len(self._batch), self._record)[games]
+        for name, column in zip(self._record.names or (), values, strict=True):
+            records[name] = column[games]
+        return States(records)
 
 
 class ContextSimulator:
@@ -411,6 +433,9 @@ class ContextSimulator:
             self._game.command(team, self._decide)
         self._hidden = HiddenState(*[one.rule for one in self._game.rules])
         self._start = self._game.snapshot()
+        self._numbers: dict[bytes, int] = {}  # the text of a state -> its number, which is its record
+        self._nodes: list[list[int]] = []  # of each number
+        self._alive: list[list[bool]] = []
         map = ctx.graph.columns()
         self._roads = map.offsets.tobytes() + map.targets.tobytes()
 
@@ -434,10 +459,17 @@ class ContextSimulator:
         self._game.restore(self._start)
         return self._as_states([self._now()])
 
+    def places(self, states: States) -> tuple[IntArray, BoolArray]:
+        """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
+        numbers = states.records.tolist()
+        nodes = np.array([self._nodes[number] for number in numbers])
+        return nodes, np.array([self._alive[number] for number in numbers], np.bool_)
+
     def legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most)."""
         found = []
-        for snapshot, nodes in zip(states.snapshots, states.nodes.tolist(), strict=True):
+        nodes_of, _ = self.places(states)
+        for snapshot, nodes in zip(states.snapshots, nodes_of.tolist(), strict=True):
             self._actions = {}
             self._legal = {}
             self._restore(snapshot, turn, SAME)
@@ -446,16 +478,18 @@ class ContextSimulator:
         most = max(len(legal) for legal in chain.from_iterable(found))
         return np.array([[[*legal, *[-1] * (most - len(legal))] for legal in those] for those in found])
 
-    def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
-        """Play a turn from each state."""
+    def play(
+        self, states: States, rows: IntArray, actions: IntArray, turn: int, shift: Perturbation = SAME
+    ) -> TurnResults:
+        """Play a turn from the states in these rows."""
         game = self._game
         moments = []
         gains = []
         winners = []
         teams = self.roster.teams
         names = self.roster.names
-        for row, (snapshot, chosen) in enumerate(zip(states.snapshots, actions.tolist(), strict=True)):
-            self._restore(snapshot, turn, shift._replace(seed=shift.seed and shift.seed + row))
+        for number, (row, chosen) in enumerate(zip(rows.tolist(), actions.tolist(), strict=True)):
+            self._restore(states.snapshots[row], turn, shift._replace(seed=shift.seed and shift.seed + number))
             before = [game.scores[team] for team in teams]
             self._actions = dict(zip(names, chosen, strict=True))
             game.step()
@@ -504,10 +538,14 @@ class ContextSimulator:
         return _CapturedState(key, nodes, living, snapshot)
 
     def _as_states(self, moments: "Sequence[_CapturedState]") -> States:
-        nodes, alive = (np.array([moment[place] for moment in moments]) for place in (1, 2))
-        keys = [one.key for one in moments]
-        snapshots = [one.snapshot for one in moments]
-        return States(keys, nodes, alive.astype(np.bool_), snapshots=snapshots)
+        records = []
+        for one in moments:
+            if one.key not in self._numbers:
+                self._numbers[one.key] = len(self._nodes)
+                self._nodes.append(one.nodes)
+                self._alive.append(one.alive)
+            records.append(self._numbers[one.key])
+        return States(np.array(records), [one.snapshot for one in moments])
 
 
 class _CapturedState(NamedTuple):
