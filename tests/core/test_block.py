@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.core.block import INT64, Block, BlockColumn, gather, move_rows, stop_moves
+from gamms.core.block import INT64, Block, BlockColumn, RecordTable, gather, move_rows, stop_moves
 
 COLUMNS = (
     BlockColumn("node", INT64, 0),
@@ -179,3 +179,25 @@ def test_agents_that_are_stopped_stay_where_they_start_and_are_counted_unless_th
     assert (stopped[0], nodes[0]) == (2, -3)
     assert ends.tolist() == [1, 7, 3]
     assert counts.tolist() == [4, 5, 7]
+
+
+WORDS = st.sampled_from([0, 1, 2**32, 2**63, 2**64 - 1])
+
+
+@given(st.integers(1, 3).flatmap(lambda words: st.lists(st.lists(st.tuples(*[WORDS] * words), max_size=9), min_size=1)))
+def test_equal_records_have_equal_numbers_in_the_order_in_which_they_were_first_added(parts):
+    width = max([len(row) for part in parts for row in part], default=1)
+    table = RecordTable(width)
+    records = array("Q", bytes(8 * width))
+    table.take_memory(memoryview(records), memoryview(array("q", bytes(16))))
+    number_of = {}
+    for part in parts:
+        room = 1
+        while room < table.count + len(part):
+            room *= 2
+        records = array("Q", [*records[: table.count * width], *[0] * ((room - table.count) * width)])
+        table.take_memory(memoryview(records), memoryview(array("q", bytes(16 * room))))
+        numbers = array("q", bytes(8 * len(part)))
+        table.add(memoryview(array("Q", [word for row in part for word in row])), memoryview(numbers))
+        assert numbers.tolist() == [number_of.setdefault(row, len(number_of)) for row in part]
+    assert table.count == len(number_of)

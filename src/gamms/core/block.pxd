@@ -1,6 +1,10 @@
 cimport cython
 
+ctypedef unsigned long long u64
 ctypedef long long i64
+
+cdef u64 MASK, FACTOR
+cdef i64 EMPTY
 
 @cython.locals(i=Py_ssize_t, size=Py_ssize_t, row=i64)
 cpdef int gather(const i64[::1] column, const i64[::1] rows, i64[::1] out) except -1 nogil
@@ -34,3 +38,19 @@ cdef class Block:
     cdef _begin_own(self, Py_ssize_t game)
 
 cdef _view(bytearray memory, str code)
+
+@cython.final
+cdef class RecordTable:
+    cdef readonly i64 words, count
+    cdef u64[::1] records
+    cdef i64[::1] slots
+
+    @cython.locals(i=i64, number=i64)
+    cpdef int take_memory(self, u64[::1] records, i64[::1] slots) except -1
+    @cython.locals(row=i64, slot=i64, i=i64)
+    cpdef int add(self, const u64[::1] rows, i64[::1] out) except -1 nogil
+
+@cython.locals(begin=i64, i=i64, key=u64, last=i64, slot=i64)
+cdef i64 find_slot(RecordTable t, const u64[::1] rows, i64 row) except -1 nogil
+@cython.locals(first=i64, i=i64)
+cdef bint is_equal(RecordTable t, i64 number, const u64[::1] rows, i64 begin) except -1 nogil

@@ -3,6 +3,8 @@
 A column has one or several numbers for each agent, for each team, or for the game. A normal game is a block with one
 row; copying a row makes a snapshot, and a free row can hold a fork. A block reserves memory for more agents than it
 has, so that adding an agent takes constant time on average.
+
+A `RecordTable` numbers records, such as states of games: equal ones have equal numbers.
 """
 
 from __future__ import annotations
@@ -14,6 +16,9 @@ from typing import Any, NamedTuple
 INT64 = "l" if calcsize("l") == 8 else "q"
 """The format of 64-bit integers in buffers, as NumPy names it on this platform."""
 _ALIGNED = 8  # bytes
+MASK = 0xFFFFFFFFFFFFFFFF
+FACTOR = 0x9E3779B97F4A7C15
+EMPTY = -1
 
 
 class BlockColumn(NamedTuple):
@@ -254,3 +259,71 @@ def stop_moves(
             ends[i] = starts[i]
             counts[i] += 1
     return found
+
+
+class RecordTable:
+    """Numbers of records of 64-bit words, in the order in which they were first added.
+
+    It is a hash table with linear probing, whose memory the caller owns. The hash has no secret; it only spreads
+    records over the slots.
+
+    Args:
+        words: the number of words of a record.
+
+    Attributes:
+        count: the number of records.
+    """
+
+    def __init__(self, words: int) -> None:
+        self.words = words
+        self.count = 0
+
+    def take_memory(self, records: memoryview[int], slots: memoryview[int]) -> int:
+        """Use other memory from now on.
+
+        Args:
+            records: (room * words,) 64-bit words without sign; the first `count` records are those of the table.
+            slots: (slots,) integers; their number is a power of two, and at least twice the room.
+        """
+        self.records = records
+        self.slots = slots
+        for i in range(len(slots)):
+            slots[i] = EMPTY
+        for number in range(self.count):
+            slots[find_slot(self, records, number)] = number
+        return 0
+
+    def add(self, rows: memoryview[int], out: memoryview[int]) -> int:
+        """Write the numbers of rows of words, (rows,); give new numbers to new records, for which there is room."""
+        for row in range(len(out)):
+            slot = find_slot(self, rows, row)
+            if self.slots[slot] == EMPTY:
+                for i in range(self.words):
+                    self.records[self.count * self.words + i] = rows[row * self.words + i]
+                self.slots[slot] = self.count
+                self.count += 1
+            out[row] = self.slots[slot]
+        return 0
+
+
+def find_slot(t: RecordTable, rows: memoryview[int], row: int) -> int:
+    """Return the slot of a row of words: the one with the number of an equal record, or the empty one for a new one."""
+    begin = row * t.words
+    key = 0
+    for i in range(t.words):
+        key = ((key ^ rows[begin + i]) * FACTOR) & MASK
+        key = key ^ (key >> 29)
+    last = len(t.slots) - 1
+    slot = key & last
+    while t.slots[slot] != EMPTY and not is_equal(t, t.slots[slot], rows, begin):
+        slot = (slot + 1) & last
+    return slot
+
+
+def is_equal(t: RecordTable, number: int, rows: memoryview[int], begin: int) -> bool:
+    """Return whether the record with a number equals the row that begins at this word."""
+    first = number * t.words
+    i = 0
+    while i < t.words and t.records[first + i] == rows[begin + i]:
+        i += 1
+    return i == t.words

@@ -2,11 +2,12 @@
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import chain, count, repeat
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.core.block import RecordTable
 from gamms.errors import BadValue, TooLarge
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -19,6 +20,7 @@ from gamms.solve.worlds import (
     States,
     TurnResults,
     TurnSimulator,
+    WordArray,
     concatenate,
     simulator_of,
 )
@@ -28,6 +30,7 @@ _ALL_TURNS = np.iinfo(np.int64).max
 _SHORT = 3  # turns: for shorter games, states include the turn instead of being compared across turns
 _MORE_SCORE = 1024.0
 _DRAWS = 32  # least number of turns repeated with other seeds at each moment of a game, to detect random draws
+_FIRST_ROOM = 1 << 10  # states
 _CHECKED = 100  # states reached in several ways whose turns are repeated, in games in a context
 
 
@@ -269,6 +272,36 @@ class _FoundStates:
         self.last: list[Outcomes] = []
 
 
+class _StateNumbers:
+    """Numbers states in the order in which they were first added.
+
+    Args:
+        words: the number of words of a record.
+        first: the first number.
+    """
+
+    def __init__(self, words: int, first: int) -> None:
+        self._table = RecordTable(words)
+        self._first = first
+        self._records = np.zeros((0, words), np.uint64)
+        self._make_room(_FIRST_ROOM)
+
+    def _make_room(self, room: int) -> None:
+        """Make room for this number of states, a power of two."""
+        records = np.zeros((room, self._records.shape[1]), np.uint64)
+        records[: len(self._records)] = self._records
+        self._records = records
+        self._table.take_memory(records.reshape(-1).data, np.zeros(2 * room, np.int64).data)
+
+    def add(self, keys: WordArray) -> IntArray:
+        """Return the numbers of records, (rows, words); new ones get the next numbers."""
+        while self._table.count + len(keys) > len(self._records):
+            self._make_room(2 * len(self._records))
+        numbers = np.zeros(len(keys), np.int64)
+        self._table.add(keys.reshape(-1).data, numbers.data)
+        return numbers + self._first
+
+
 class _HiddenDependence(Exception):
     """Turns depend on the time or on the scores, which therefore must be part of the state."""
 
@@ -309,7 +342,7 @@ class _Explorer:
         self._by_winner = by_winner
         self._members = [world.roster.members(team) for team in setup.teams]
         self._last = world.terms.last_turn
-        self._known: dict[bytes, int] = {}  # the key of a state -> its number
+        self._numbers: _StateNumbers | None = None
         self._found = _FoundStates()
         self._new: list[tuple[IntArray, States]] = []  # numbers and states of the next level
         self._again: list[tuple[int, States, int]] = []  # states that were reached again, at a later turn
@@ -323,7 +356,7 @@ class _Explorer:
             frontier = concatenate([states for _, states in self._new])
             self._new = []
             if self._by_turn:
-                self._known = {}
+                self._numbers = None
             self._expand(frontier, ids, turn)
             turn += 1
         why_not = self._world.why_not()
@@ -421,28 +454,27 @@ class _Explorer:
 
     def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
         """Return the numbers of states; store new ones."""
-        keys = states.keys(winner)
-        numbers = self._find(keys)
         level = self._found.level
+        numbers = self._find(states, winner)
+        is_new = numbers >= len(level)
         if states.snapshots:
-            reached = np.flatnonzero((numbers >= 0) & (winner == GOES_ON)).tolist()
+            reached = np.flatnonzero(~is_new & (winner == GOES_ON)).tolist()
             later = [row for row in reached if level[numbers[row]] < turn]
             room = _CHECKED - len(self._again)
             self._again += [(int(numbers[row]), states.take(np.array([row])), turn) for row in later[:room]]
-        rows = np.flatnonzero(numbers < 0)
+        rows = np.flatnonzero(is_new)
         if len(rows):
-            unknown = [keys[row] for row in rows.tolist()]
-            first_row = dict(zip(reversed(unknown), reversed(rows.tolist()), strict=True))
-            new = dict.fromkeys(unknown)  # in the order of their first rows
-            self._known |= zip(new, count(len(level)), strict=False)
+            new = rows[np.unique(numbers[rows], return_index=True)[1]]
             level += [turn] * len(new)
-            numbers[rows] = self._find(unknown)
-            self._store(states, np.array([first_row[key] for key in new]), winner, numbers, parents)
+            self._store(states, new, winner, numbers, parents)
         return numbers
 
-    def _find(self, keys: list[bytes]) -> IntArray:
-        """Return the numbers of the states with these keys; -1: it is new."""
-        return np.fromiter(map(self._known.get, keys, repeat(-1)), np.int64, len(keys))
+    def _find(self, states: States, winner: IntArray) -> IntArray:
+        """Return the numbers of states with these winners; new ones get the next numbers."""
+        keys = states.keys(winner)
+        if self._numbers is None:
+            self._numbers = _StateNumbers(keys.shape[1], len(self._found.level))
+        return self._numbers.add(keys)
 
     def _store(self, states: States, new: IntArray, winner: IntArray, numbers: IntArray, parents: IntArray) -> None:
         """Store new states, in these rows; those in which the game goes on are on the next level."""
@@ -485,7 +517,7 @@ class _Explorer:
         of_rows = np.zeros(len(actions), np.int64)
         chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
         later = self._world.play(states, of_rows, chosen, turn)
-        reached = self._find(later.states.keys(later.winner))
+        reached = self._find(later.states, later.winner)
         for rows, outcomes in zip(found.rows, found.usual, strict=True):
             for at in np.flatnonzero(rows[:, 0] == number).tolist():
                 action = int(rows[at, 1])

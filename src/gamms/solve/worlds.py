@@ -56,11 +56,15 @@ class Perturbation(NamedTuple):
 SAME = Perturbation(seed=0, turns=0, scores=0.0)
 
 
+WordArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]
+"""Records of states, (states, words)."""
+
+
 class States:
     """States of a game from which turns can be played.
 
     Attributes:
-        records: (states,) one record for each state, which are equal only if all later turns are equal.
+        records: (states,) a record of 64-bit words for each state; equal ones have equal later turns.
         snapshots: what a context restores for each state; empty for a batch, which restores the records.
     """
 
@@ -71,20 +75,18 @@ class States:
     def __len__(self) -> int:
         return len(self.records)
 
-    def keys(self, winner: IntArray) -> list[bytes]:
-        """Return keys of dicts for the states with these winners, (states,); see `TurnResults`."""
-        size = self.records.itemsize
-        rows = np.empty((len(self), size + winner.itemsize), np.uint8)
-        rows[:, :size] = self.records.view(np.uint8).reshape(len(self), size)
-        rows[:, size:] = winner.view(np.uint8).reshape(len(self), winner.itemsize)
-        keys: list[bytes] = rows.view(f"V{rows.shape[1]}").ravel().tolist()
-        return keys
+    @property
+    def words(self) -> WordArray:
+        """The records as words, (states, words)."""
+        return self.records.view(np.uint64).reshape(len(self), -1)
+
+    def keys(self, winner: IntArray) -> WordArray:
+        """Return records of the states with these winners, (states, words); see `TurnResults`."""
+        return np.column_stack((self.words, winner.view(np.uint64)))
 
     def differs(self, other: "States") -> BoolArray:
         """Return whether each state differs from the one in the same row of `other`, (states,)."""
-        found = np.zeros(len(self), np.bool_)
-        is_other = self.records.view(np.uint8) != other.records.view(np.uint8)
-        found[np.flatnonzero(is_other) // self.records.itemsize] = True
+        found: BoolArray = (self.words != other.words).any(axis=1)
         return found
 
     def take(self, rows: IntArray) -> "States":
@@ -323,6 +325,7 @@ class BatchSimulator:
         self._start = {name: column for name, column in batch.columns().items() if name not in _FIXED}
         self._acting = [batch.observe(team).agents for team in setup.teams]
         self._scored: tuple[Hashable, ...] = ()  # the teams whose scores are fields of a record, after the columns
+        self._fields: list[str] = []
         self._record = np.dtype([])
 
     def close(self) -> None:
@@ -338,13 +341,15 @@ class BatchSimulator:
         self._scored = self._batch.teams if self.with_scores else ()
         fields = [(f"column {number}", one.dtype, one.shape[1:]) for number, one in enumerate(self._start.values())]
         fields += [(f"score {number}", np.dtype(np.float64), ()) for number in range(len(self._scored))]
-        self._record = np.dtype(fields)
+        self._fields = [name for name, *_ in fields]
+        rest = -np.dtype(fields).itemsize % 8
+        self._record = np.dtype([*fields, ("rest of the last word", np.dtype(np.uint8), (rest,))])
         load_columns(self._batch, self._start, 0, {}, slice(None))
         return self._as_states(self._batch.columns(), self._batch.scores, slice(0, 1))
 
     def places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
-        columns = dict(zip(self._start, self._record.names or (), strict=False))
+        columns = dict(zip(self._start, self._fields, strict=False))
         return self._streets.ids_of(states.records[columns["node"]]), states.records[columns["alive"]]
 
     def legal(self, states: States, turn: int) -> IntArray:
@@ -400,7 +405,7 @@ class BatchSimulator:
             The scores by team; without those of teams that have none.
         """
         records = states.records.take(rows)
-        fields = [records[name] for name in self._record.names or ()]
+        fields = [records[name] for name in self._fields]
         columns = dict(zip(self._start, fields, strict=False))
         scores = dict[Any, FloatArray](zip(self._scored, fields[len(columns) :], strict=True))
         for place, team in enumerate(self._batch.teams if more else ()):
@@ -411,8 +416,8 @@ class BatchSimulator:
     def _as_states(self, columns: Columns, scores: Mapping[Any, FloatArray], games: slice) -> States:
         """Return the states of games of the batch from its columns and scores."""
         values = [*map(columns.__getitem__, self._start), *map(scores.__getitem__, self._scored)]
-        records = np.empty(len(self._batch), self._record)[games]
-        for name, column in zip(self._record.names or (), values, strict=True):
+        records = np.zeros(len(self._batch), self._record)[games]
+        for name, column in zip(self._fields, values, strict=True):
             records[name] = column[games]
         return States(records)
 
