@@ -86,7 +86,9 @@ class States:
 
     def differs(self, other: "States") -> BoolArray:
         """Return whether each state differs from the one in the same row of `other`, (states,)."""
-        found: BoolArray = (self.words != other.words).any(axis=1)
+        found = np.zeros(len(self), np.bool_)
+        is_other = self.words != other.words
+        found[np.flatnonzero(is_other) // is_other.shape[1]] = True
         return found
 
     def take(self, rows: IntArray) -> "States":

@@ -239,7 +239,7 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
 
     def send(self, games: IntArray, scene: MessagePositions) -> None:
         """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
-        number = places_of(games, len(self._of_game))
+        number = places_of(games, self._num_games)
         sent = list[_SentMessages]()
         for name in self.channels:
             boxes = [box for box in self._admitted if box.channel == name]
@@ -276,7 +276,7 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         none = np.zeros(0, np.int64)
         found = [ReceivedMessages(none, none, none, [], none, none > 0)]
         places = [none]
-        number = places_of(games, len(self._of_game) + 1)  # the last entry, index -1, is for dropped games
+        number = places_of(games, self._num_games + 1)  # the last entry, index -1, is for dropped games
         column = places_of(agents, len(self._roster.names))
         for _, sent in self._under_way:
             if sent.box.channel != channel:

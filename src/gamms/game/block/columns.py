@@ -1,6 +1,7 @@
 """Basic data of a batch: its source game, seeds, agents and logs; and helpers for columns and threads."""
 
 from abc import ABC, abstractmethod
+from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, count, islice
 from threading import Thread
@@ -136,7 +137,8 @@ class GameLog(ABC, Generic[P]):
 
     def __init__(self, num_games: int) -> None:
         self._pending: list[P] = []
-        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+        self._num_games = num_games
+        self._of_game = defaultdict[int, list[dict[str, Any]]](list)
 
     def of(self, game: int) -> list[dict[str, Any]]:
         """Return the log entries of a game, in order."""
@@ -148,27 +150,26 @@ class GameLog(ABC, Generic[P]):
 
     def forget(self, games: IntArray) -> None:
         """Remove the entries of some games."""
-        if len(games) == len(self._of_game):  # do not write out entries that are removed anyway
+        if len(games) == self._num_games:  # do not write out entries that are removed anyway
             self._pending.clear()
         self.of(0)
         for game in games.tolist():
-            self._of_game[game] = []
+            self._of_game.pop(game, None)
 
     def clear(self) -> None:
         """Remove the entries of all games."""
         self._pending.clear()
-        for entries in filter(None, self._of_game):
-            entries.clear()
+        self._of_game.clear()
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
         pending = [*self._pending]
-        lengths = [len(entries) for entries in self._of_game]
+        lengths = {game: len(entries) for game, entries in self._of_game.items()}
 
         def undo() -> None:
             self._pending[:] = pending
-            for entries, number in zip(self._of_game, lengths, strict=True):
-                del entries[number:]
+            for game, entries in self._of_game.items():
+                del entries[lengths.get(game, 0) :]
 
         return undo
 

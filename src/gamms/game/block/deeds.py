@@ -298,7 +298,7 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
             took_part: (games, agents) the agents whose deeds to return.
             is_moving: whether the agents of the last part of the turn are about to move; then only their deeds count.
         """
-        number = places_of(games, len(self._of_game))
+        number = places_of(games, self._num_games)
         found = [one.deeds._replace(at=number[one.deeds.at]) for one in (self._now if is_moving else self._last)]
         return [deeds.those((deeds.at >= 0) & took_part[deeds.at, deeds.agents]) for deeds in found]
 
