@@ -169,3 +169,65 @@ def test_the_slots_of_a_game_begin_together():
         env.reset(seed=[1, 2, 3])
     with pytest.raises(BadValue, match=r"slots of game 1 have the seeds \[5, 6, 7, 8, 9\]"):
         env.reset(seed=[0] * 5 + [5, 6, 7, 8, 9])
+
+
+TEAM = {"team": "blue"}
+
+
+@pytest.mark.parametrize(("learns", "workers"), [(TEAM, 1), (TEAM, 2), ({"agent": "blue_0"}, 1)])
+def test_game_0_of_a_vector_is_rendered_as_the_same_game_alone(learns, workers):
+    env = rl.vector_env(scene(), num_games=3, render_mode="rgb_array", workers=workers, **learns)
+    is_one = "agent" in learns
+    of_one = rl.single_agent_env if is_one else rl.parallel_env
+    game = of_one(scene(), render_mode="rgb_array", **learns)
+    assert env.render_mode == "rgb_array"
+    assert env.metadata["render_fps"] == game.metadata["render_fps"]
+    for seed in (5, 8):  # of two games one after the other
+        env.reset(seed=seed)
+        game.reset(seed=seed)
+        for _ in range(3):
+            pictures = env.render()
+            assert len(pictures) == env.num_envs
+            for slot, picture in enumerate(pictures):
+                assert np.array_equal(picture, game.render()) == (slot < env.num_agents)
+            assert not np.any(pictures[-1])
+            env.step(np.ones(env.num_envs, np.int64))
+            game.step(1 if is_one else dict.fromkeys(game.agents, 1))
+    env.close()
+    game.close()
+
+
+def test_a_vector_without_a_render_mode_shows_nothing_and_another_mode_is_refused(caplog):
+    env = rl.vector_env(scene(), num_games=2, team="blue")
+    env.reset(seed=1)
+    assert env.render() is None
+    assert "make the environment with render_mode='rgb_array'" in caplog.text
+    env.close()
+    with pytest.raises(BadValue, match="render_mode must be None, 'human' or 'rgb_array', not 'film'"):
+        rl.vector_env(scene(), num_games=2, team="blue", render_mode="film")
+
+
+def test_a_window_follows_game_0_of_a_vector(monkeypatch):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = rl.vector_env(scene(), num_games=2, team="blue", render_mode="human")
+    for seed in (1, 2):
+        env.reset(seed=seed)
+        assert env.render() is None
+        env.step(np.zeros(env.num_envs, np.int64))
+        shown = env.learners.games.context(0)
+        assert (shown.game.turn, shown.seed) == (1, seed)
+    env.close()
+
+
+def test_gymnasium_records_videos_of_game_0(tmp_path):
+    pytest.importorskip("moviepy", reason="MoviePy is not installed: pip install moviepy")
+    from gymnasium.wrappers.vector import RecordVideo
+
+    games = rl.vector_env(alone(), num_games=2, agent="blue_0", autoreset_mode="NEXT_STEP", render_mode="rgb_array")
+    env = RecordVideo(games, str(tmp_path / "videos"), record_first_only=True, episode_trigger=lambda _: True)
+    env.reset(seed=1)
+    for _ in range(25):
+        env.step(np.zeros(2, np.int64))
+    env.close()
+    assert len([*(tmp_path / "videos").glob("*.mp4")]) > 1

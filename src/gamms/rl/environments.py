@@ -142,6 +142,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
     autoreset_mode: "AutoresetMode | str" = "SAME_STEP",
+    render_mode: "RenderMode" = None,
     workers: int = 1,
     threads: int = 1,
     maps: Sequence[Any] | None = None,
@@ -165,6 +166,8 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         actions: see `parallel_env`.
         autoreset_mode: when a finished game is reset, as `gymnasium.vector.AutoresetMode` or by its name: "SAME_STEP",
             "NEXT_STEP" or "DISABLED".
+        render_mode: "rgb_array": `render` returns a picture for each slot, which is black for games other than game 0;
+            "human": a window shows game 0; None: neither. Game 0 is then also played in a context of its own.
         workers: the number of processes, each of which plays a share of the games; 1: this process. The games do not
             depend on it. Functions are sent to the processes by the names of their modules, and get the games of one
             process. An error in a process is raised here and closes the environment, and so does the end of a process
@@ -182,9 +185,10 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     """
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv, mode_of
-        from gamms.rl.interface import EnvInterface, EnvRecipe
+        from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of, prepare
         from gamms.rl.processes import ProcessesEnv
     mode = mode_of(autoreset_mode)
+    window = engine_of(render_mode)
     several = as_count(workers, "workers", least=1) > 1
     if several:
         refuse_in_worker()
@@ -199,17 +203,22 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         "threads": as_count(threads, "threads"),
         "maps": maps,
     }
-    learners = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, **games)
     options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}
     counts: dict[str, Any] = {"num_games": num_games, "seed": seed, "workers": workers}
+    played: dict[str, Any] = {"num_games": num_games, "vis_engine": window}
+    if several:
+        played = {"num_games": 1}
+    is_kept = render_mode is not None and agent is None
+    learners = Learners(scenario, teams=team, seed=seed, record=is_kept, **played, **games)
     with _closing_after_error(learners):
         interface = EnvInterface(learners, mask, actions)
         if several:
             make = partial(vector_env, scenario, **options)
-            env: GamesEnv = ProcessesEnv(interface, scenario.spec.name, mode, **counts, make=make)
+            env: GamesEnv = ProcessesEnv(interface, scenario.spec.name, mode, render_mode, **counts, make=make)
         else:
-            env = GamesEnv(interface, scenario.spec.name, mode)
-    env.recipe = EnvRecipe(vector_env, scenario, {**options, **counts})
+            prepare(learners, render_mode)
+            env = GamesEnv(interface, scenario.spec.name, mode, render_mode)
+    env.recipe = EnvRecipe(vector_env, scenario, {**options, "render_mode": render_mode, **counts})
     return env
 
 

@@ -122,6 +122,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         name: the name of the scenario.
         autoreset_mode: when a finished game is reset: in its last step, which reports `infos["final_obs"]` and
             `infos["final_info"]`; in the next step, whose actions do not count; or only by `reset`.
+        render_mode: "human", "rgb_array" or None.
         num_games: the number of games; None: that of the learners.
 
     Attributes:
@@ -133,11 +134,17 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     _own = "spec", "observation_space", "action_space", "single_observation_space", "single_action_space"
 
     def __init__(
-        self, interface: EnvInterface, name: str, autoreset_mode: AutoresetMode, num_games: int | None = None
+        self,
+        interface: EnvInterface,
+        name: str,
+        autoreset_mode: AutoresetMode,
+        render_mode: RenderMode,
+        num_games: int | None = None,
     ) -> None:
         self._interface = interface
         self._autoreset_mode = autoreset_mode
-        self.metadata = {"render_modes": [], "autoreset_mode": autoreset_mode, "name": name or "gamms"}
+        self.metadata = {**metadata_of(name), "autoreset_mode": autoreset_mode}
+        self.render_mode = render_mode
         learners = interface.learners
         self.learners = learners
         self.num_agents = len(learners.names)
@@ -197,6 +204,18 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         """Return a mask of legal actions, (slots, actions)."""
         return self._interface.masks().reshape(self.num_envs, -1)
 
+    def render(self) -> tuple[Any, ...] | None:
+        """Return a picture for each slot, (height, width, 3), or show game 0 in its window.
+
+        Only game 0 is rendered: the pictures of the slots of other games are black. Without a render mode, log a
+        warning and return None.
+        """
+        picture = self._rendered()
+        if picture is None:
+            return None
+        black = np.zeros_like(picture)
+        return (picture,) * self.num_agents + (black,) * (self.num_envs - self.num_agents)
+
     def close_extras(self, **_: object) -> None:
         """Close the games."""
         self.learners.close()
@@ -236,6 +255,10 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             played.truncated.ravel(),
             valid,
         )
+
+    def _rendered(self) -> Any:
+        """Return a picture of game 0, or show it in its window."""
+        return rendered(self.learners, self.render_mode)
 
     def _over(self) -> BoolArray:
         """Return whether games have ended, (games,)."""

@@ -23,7 +23,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv, SlotsTurn
-from gamms.rl.interface import Columns, EnvInterface
+from gamms.rl.interface import Columns, EnvInterface, RenderMode
 from gamms.rl.learners import ActionArray, Seeds
 from gamms.workers import Worker, WorkerDied, task_of
 
@@ -51,6 +51,7 @@ class ProcessesEnv(GamesEnv):
         interface: the interface of learners in a game that is not played, for the spaces.
         name: the name of the scenario.
         autoreset_mode: see `GamesEnv`.
+        render_mode: see `GamesEnv`; the first process renders game 0.
         num_games: the number of games.
         seed: the seed of the first game.
         workers: the number of processes, at most one for each game.
@@ -62,6 +63,7 @@ class ProcessesEnv(GamesEnv):
         interface: EnvInterface,
         name: str,
         autoreset_mode: AutoresetMode,
+        render_mode: RenderMode,
         *,
         num_games: int,
         seed: int,
@@ -70,7 +72,7 @@ class ProcessesEnv(GamesEnv):
     ) -> None:
         self._workers: list[Worker] = []
         self._file: Path | None = None
-        super().__init__(interface, name, autoreset_mode, num_games)
+        super().__init__(interface, name, autoreset_mode, render_mode, num_games)
         self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # first game of each process
         columns = self._columns()
         file = _new_file(_size(columns))
@@ -120,6 +122,12 @@ class ProcessesEnv(GamesEnv):
         self._ask([_task(restore, one) for one in carried])
         self.learners.has_begun = carried[0].seeds is not None
 
+    def _rendered(self) -> Any:
+        """Render game 0 in its process; see `GamesEnv`."""
+        if self.render_mode is None:
+            return super()._rendered()
+        return self._ask([_task(render)])[0]
+
     def _over(self) -> BoolArray:
         over: BoolArray = self._arrays["over"][:: self.num_agents]
         return over
@@ -152,7 +160,8 @@ class ProcessesEnv(GamesEnv):
     ) -> bytes:
         first, last = share
         agents = self.num_agents
-        share_of_games = partial(make, num_games=last - first, seed=seed + first)
+        mode = self.render_mode if first == 0 else None
+        share_of_games = partial(make, num_games=last - first, seed=seed + first, render_mode=mode)
         return _task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
 
     def _observed(self, prefix: str) -> Columns:
@@ -239,6 +248,9 @@ class _WorkerGames:
         self._write(_OBSERVED, games._flat(games._interface.columns()))
         self._write_state()
 
+    def render(self) -> Any:
+        return self._games._rendered()
+
     def step(self) -> None:
         turn = self._games._play(self._arrays["actions"])
         self._write(_OBSERVED, turn.now)
@@ -285,6 +297,11 @@ def restore(carried: object) -> None:
     """Replay the games of this process up to a checkpoint."""
     if _games_here is not None:
         _games_here.restore(carried)
+
+
+def render() -> Any:
+    """Render the first game of this process; see `GamesEnv.render`."""
+    return None if _games_here is None else _games_here.render()
 
 
 def step() -> None:

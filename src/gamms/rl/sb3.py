@@ -156,6 +156,10 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
         return observed, rewards.astype(np.float32), ends, of_slots
 
+    def get_images(self) -> Sequence[Any]:
+        """Return a picture for each slot; see `vector_env`."""
+        return self._games.render() or ()
+
     def close(self) -> None:
         """Close the games."""
         self._games.close()
