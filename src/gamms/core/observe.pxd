@@ -55,6 +55,24 @@ cdef class NodeFeatures:
     cdef float[::1] values
 
 
+@cython.final
+cdef class LearnerTurn:
+    cdef i64 games, agents
+    cdef bint may_return
+    cdef const i64[::1] counts
+    cdef const u8[::1] alive, over, late
+    cdef const double[::1] earned
+    cdef i64[::1] moves
+    cdef u8[::1] was_over, plays, terminated, truncated
+    cdef double[::1] rewards
+
+
+@cython.locals(game=i64, row=i64)
+cpdef int begin_turn(LearnerTurn t) except -1
+@cython.locals(found=i64, game=i64, row=i64, is_over=bint, is_late=bint, plays=bint, counts=bint, is_out=bint)
+cpdef i64 end_turn(LearnerTurn t) except -1
+
+
 @cython.locals(found=i64, row=i64, game=i64, count=i64, place=i64)
 cpdef i64 list_seen(
     sight.SensorTable looks,

@@ -1,4 +1,6 @@
-"""Observations of agents as numbers, written to the caller's arrays: vectors, or features of nodes.
+"""What learners choose, see and get, as numbers in the caller's arrays.
+
+Observations are vectors, or features of nodes.
 
 A vector has the agent's position; for each of `actions` actions, whether it is legal, and the offset to its node; and
 for each of the nearest `others` visible agents, a 1, whether it is a teammate, and its offset. Features of a node
@@ -196,6 +198,87 @@ class NodeFeatures:
         self.far = far
         self.places = places
         self.values = values
+
+
+class LearnerTurn:
+    """The actions of learners before a turn, and their rewards and ends after it.
+
+    Attributes:
+        games, agents: the number of games, and of learners in each.
+        may_return: whether agents that are out may come back; then they wait, and end with their games.
+        counts: (rows,) the number of legal actions of each learner.
+        alive: (rows,) 1: the learner is alive.
+        over: (games,) 1: the game has ended.
+        late: (games,) 1: it has ended because of its time limit.
+        earned: (rows,) the reward of the turn, also of learners that did not take part.
+        moves: (rows,) the chosen actions; `begin_turn` replaces illegal ones by 0.
+        was_over: (games,) `over` before the turn.
+        plays: (rows,) 1: the learner takes part in the turn.
+        rewards: (rows,) 0 for learners that did not take part.
+        terminated, truncated: (rows,) 1: the learner ended in the turn, for a reason other than a time limit, or
+            because of it.
+    """
+
+    def __init__(
+        self,
+        games: int,
+        agents: int,
+        counts: memoryview[int],
+        alive: memoryview[int],
+        over: memoryview[int],
+        late: memoryview[int],
+        earned: memoryview[float],
+        moves: memoryview[int],
+        *,
+        was_over: memoryview[int],
+        plays: memoryview[int],
+        rewards: memoryview[float],
+        terminated: memoryview[int],
+        truncated: memoryview[int],
+        may_return: bool,
+    ) -> None:
+        self.games = games
+        self.agents = agents
+        self.counts = counts
+        self.alive = alive
+        self.over = over
+        self.late = late
+        self.earned = earned
+        self.moves = moves
+        self.was_over = was_over
+        self.plays = plays
+        self.rewards = rewards
+        self.terminated = terminated
+        self.truncated = truncated
+        self.may_return = may_return
+
+
+def begin_turn(t: LearnerTurn) -> int:
+    """Note which learners take part in a turn, and replace illegal actions by 0."""
+    for game in range(t.games):
+        t.was_over[game] = t.over[game]
+        for row in range(game * t.agents, (game + 1) * t.agents):
+            t.plays[row] = t.alive[row] and not t.over[game]
+            if t.moves[row] < 0 or t.moves[row] >= t.counts[row]:
+                t.moves[row] = 0
+    return 0
+
+
+def end_turn(t: LearnerTurn) -> int:
+    """Write the rewards and ends of a turn; return the number of learners that ended."""
+    found = 0
+    for game in range(t.games):
+        is_over = t.over[game]
+        is_late = t.late[game]
+        for row in range(game * t.agents, (game + 1) * t.agents):
+            plays = t.plays[row]
+            t.rewards[row] = t.earned[row] if plays else 0.0
+            counts = plays or (t.may_return and not t.was_over[game])
+            is_out = not (t.may_return or t.alive[row])
+            t.terminated[row] = counts and (is_out or (is_over and not is_late))
+            t.truncated[row] = counts and is_late and not is_out
+            found += t.terminated[row] or t.truncated[row]
+    return found
 
 
 def list_seen(

@@ -148,6 +148,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         learners = interface.learners
         self.learners = learners
         self.num_agents = len(learners.names)
+        self._everyone = np.arange(self.num_agents)
         self.num_games = len(learners.games) if num_games is None else num_games
         self.num_envs = self.num_games * self.num_agents
         refuse_mixed(learners, range(self.num_agents), "vector_env")
@@ -232,29 +233,26 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn."""
         learners = self.learners
-        was_over = self.learners.is_over
-        was_alive = self.learners.alive
-        played = learners.step(*self._interface.heads_of([(np.arange(self.num_agents), actions)]))
+        was_over = learners.is_over
+        played = learners.step(*self._interface.heads_of([(self._everyone, actions)]))
         if self._autoreset_mode is AutoresetMode.NEXT_STEP and was_over.any():
             learners.begin_again(np.flatnonzero(was_over))
-        last = self._interface.columns()
+        last = self._flat(self._interface.columns())
         now = last
-        if self._autoreset_mode is AutoresetMode.SAME_STEP and (played.terminated | played.truncated).any():
+        num_over = np.count_nonzero(learners.is_over)
+        if self._autoreset_mode is AutoresetMode.SAME_STEP and (played.num_ended or num_over):
             now = {key: column.copy() for key, column in last.items()}
-        if self._autoreset_mode is AutoresetMode.SAME_STEP and learners.is_over.any():
-            ended = np.flatnonzero(learners.is_over)
-            learners.begin_again(ended)
-            for key, column in self._interface.columns(ended).items():
-                now[key][ended] = column
-        valid = (was_alive & ~was_over[:, None]).ravel()
-        return SlotsTurn(
-            self._flat(now),
-            self._flat(last),
-            played.rewards.ravel(),
-            played.terminated.ravel(),
-            played.truncated.ravel(),
-            valid,
-        )
+        if self._autoreset_mode is AutoresetMode.SAME_STEP and num_over:
+            self._begin_ended(now)
+        of_slots = (played.rewards, played.terminated, played.truncated, played.valid)
+        return SlotsTurn(now, last, *(column.reshape(-1) for column in of_slots))
+
+    def _begin_ended(self, now: Columns) -> None:
+        """Begin the games that have ended again, and write their observations into columns of all slots."""
+        ended = np.flatnonzero(self.learners.is_over)
+        self.learners.begin_again(ended)
+        for key, column in self._interface.columns(ended).items():
+            now[key].reshape(self.num_games, self.num_agents, *column.shape[2:])[ended] = column
 
     def _rendered(self) -> Any:
         """Return a picture of game 0, or show it in its window."""

@@ -21,7 +21,7 @@ from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices, choices_of
-from gamms.rl.turns import ActionHistory, GameOutcomes, ScriptedActions, Turn, TurnOutcome
+from gamms.rl.turns import ActionHistory, GameOutcomes, ScriptedActions, Turn, TurnArrays, TurnOutcome
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -190,16 +190,17 @@ class Learners:
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
         self._found: Vectors | None = None  # all current observations, if the core writes them
         self._begin_writing()
+        game = self.games.game
+        self.may_return = any(_brings_back(one.rule) for one in game.rules)
+        self._turn = TurnArrays(self._shape, may_return=self.may_return)
         self._remember()
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
-        game = self.games.game
         learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in learners], np.bool_)
         num_heads = 1 if self.deeds is None else 2
         self._prefix = ActionHistory(self._shape, num_heads, flies=bool(self.flies.any()))
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(learners, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
-        self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
                 "No rule of this scenario gives scores, from which rewards are made: give reward=, a function of a "
@@ -277,12 +278,11 @@ class Learners:
                 turn. A flight longer than 1 is shortened to 1; one that is not finite hovers. None: all hover.
         """
         self._refuse_closed()
-        was_over = self._of_games(self.is_over)
-        plays = self.alive & ~was_over
         before = None if self._reward is None else self._now
         scores = self._scores
-        given = self._numbers_of(actions)
-        moves = np.where(self.are_legal(given), given, 0)
+        moves = self._turn.moves
+        moves[:] = self._numbers_of(actions)
+        self._turn.begin()
         done = None
         flown = None
         if deeds is not None and self.deeds is not None:
@@ -293,16 +293,11 @@ class Learners:
         self._play(moves, done, flown)
         self._prefix.add(~self.is_over, [moves] if done is None else [moves, done], flights)
         self._remember()
-        rewards = np.where(plays, self._earned(before, scores), 0.0)
+        self._earn(before, scores)
+        outcome = self._turn.end()
         if self._reward is not None:
-            self._refuse_no_numbers(rewards)
-        counts = plays | ~was_over if self.may_return else plays
-        is_out = np.zeros_like(plays) if self.may_return else ~self.alive
-        if not self.is_over.any():
-            return TurnOutcome(rewards, counts & is_out, np.zeros_like(plays))
-        truncated = self._of_games(self.games.truncated)
-        terminated = self._of_games(self.is_over) & ~truncated
-        return TurnOutcome(rewards, counts & (terminated | is_out), counts & truncated & ~is_out)
+            self._refuse_no_numbers(outcome.rewards)
+        return outcome
 
     def _play(self, moves: IntArray, done: IntArray | None, flown: FloatArray | None) -> None:
         """Play one turn."""
@@ -313,26 +308,25 @@ class Learners:
                 given = {}  # the strategy is called
         step_with(self.games, given, self._threads, is_logged=self._scripted is None)
 
-    def _earned(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> FloatArray:
-        """Return the rewards of a turn, also for agents that did not take part."""
+    def _earn(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> None:
+        """Write the rewards of a turn, also for agents that did not take part."""
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
-        earned = np.zeros(self._shape)
+        earned = self._turn.earned
         if self._reward is None or before is None:
             for team, columns in zip(self.teams, self._columns, strict=True):
-                if team in gains:
-                    earned[:, columns] = gains[team][:, None]
-            return earned
+                earned[:, columns] = gains[team][:, None] if team in gains else 0.0
+            return
+        earned[:] = 0.0
         outcomes = GameOutcomes(self.games)
         for team, views, views_now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
             for was, now in zip(views, views_now, strict=True):
                 own = {key: numbers[now.games] for key, numbers in gains.items()}
                 turn = Turn(team, was, now, own, outcomes)
                 earned[now.games, columns] += self._checked(self._reward(turn), now, "reward")
-        return earned
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
         """Return whether actions are legal, (games, agents)."""
-        found: BoolArray = (actions >= 0) & (actions < self._counts)
+        found: BoolArray = (actions >= 0) & (actions < self._turn.counts)
         return found
 
     def begin_all(self, seed: int | None = None) -> None:
@@ -480,29 +474,29 @@ class Learners:
             self._begin_writing()
         self._scores = self.games.scores
         self.is_over = self.games.is_over
+        turn = self._turn
+        turn.over[:] = self.is_over
+        has_ended = bool(np.count_nonzero(self.is_over))
+        turn.late[:] = self.games.truncated if has_ended else False
         if self._writers is not None and self.games.is_in_arrays and self._writers.hold():
             self._found = self._writers.written(self._found, None if self._found is None else which)
             self.alive: BoolArray = self._found.mask
             self.masks: BoolArray = self._found.legal
-            self._counts = self._found.counts
-            self._counts[self.is_over] = 1
-            self.masks[self.is_over] = self._masks_of[1]
+            if has_ended:
+                self._found.counts[self.is_over] = 1
+                self.masks[self.is_over] = self._masks_of[1]
+            turn.alive[:] = self.alive
+            turn.counts[:] = self._found.counts
             return
         self._found = None
         self.alive = joined([_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
             self.is_there = joined(there)
-        plays = self.alive & ~self._of_games(self.is_over)
-        self._counts = np.where(
-            plays, joined([_in_order([view.counts for view in views], views) for views in self._now]), 1
-        )
-        self.masks = self._masks_of.take(self._counts, axis=0)
-
-    def _of_games(self, column: BoolArray) -> BoolArray:
-        """Return a column (games,) repeated for each agent, (games, agents)."""
-        # NOTE: arrays of equal shape are combined five times as fast as an array and a column (benchmarks: learners).
-        return column.repeat(self._shape[1]).reshape(self._shape)
+        turn.alive[:] = self.alive
+        counts = joined([_in_order([view.counts for view in views], views) for views in self._now])
+        turn.counts[:] = np.where(self.alive & ~self.is_over[:, None], counts, 1)
+        self.masks = self._masks_of.take(turn.counts, axis=0)
 
     @property
     def deed_masks(self) -> BoolArray:

@@ -122,9 +122,8 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         else:
             ends = (over.copy(), learners.games.terminated, learners.games.truncated)
             root = {key: one[:, None] for key, one in zip(_ENDS, ends, strict=True)}
-            terminated, truncated = (
-                one[:, None] | played_one for one, played_one in zip(ends[1:], played[1:], strict=True)
-            )
+            terminated = played.terminated | ends[1][:, None]
+            truncated = played.truncated | ends[2][:, None]
             if not learners.may_return:
                 terminated = terminated | (learners.is_there & ~alive)
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}

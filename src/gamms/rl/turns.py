@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from gamms.core import observe
 from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch import Batch
@@ -85,11 +86,62 @@ class TurnOutcome(NamedTuple):
         terminated: whether the agent went out in this turn, or took part in a game that an event of this turn ended. An
             agent that went out in an earlier turn is not terminated again when its game ends.
         truncated: whether the agent took part in a game that reached its time limit.
+        valid: whether the agent took part in the turn.
+        num_ended: the number of agents that are terminated or truncated.
     """
 
     rewards: FloatArray
     terminated: BoolArray
     truncated: BoolArray
+    valid: BoolArray
+    num_ended: int
+
+
+class TurnArrays:
+    """The arrays in which the core takes the actions of learners, and writes what they get.
+
+    Args:
+        shape: the numbers of games and agents.
+        may_return: whether agents that are out may come back.
+
+    Attributes:
+        counts, alive, over, late, earned, moves: see `core.observe.LearnerTurn`; (games, agents), or (games,).
+    """
+
+    def __init__(self, shape: tuple[int, int], *, may_return: bool) -> None:
+        self.counts, self.moves = np.zeros((2, *shape), np.int64)
+        self.earned, self._rewards = np.zeros((2, *shape))
+        self.alive, self._plays, self._terminated, self._truncated = np.zeros((4, *shape), np.bool_)
+        self.over, self.late, was_over = np.zeros((3, shape[0]), np.bool_)
+
+        def data(column: np.ndarray[Any, Any]) -> Any:
+            return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
+
+        self._turn = observe.LearnerTurn(
+            *shape,
+            data(self.counts),
+            data(self.alive),
+            data(self.over),
+            data(self.late),
+            data(self.earned),
+            data(self.moves),
+            was_over=data(was_over),
+            plays=data(self._plays),
+            rewards=data(self._rewards),
+            terminated=data(self._terminated),
+            truncated=data(self._truncated),
+            may_return=may_return,
+        )
+
+    def begin(self) -> None:
+        """Note which agents take part in a turn, and replace illegal moves by 0."""
+        observe.begin_turn(self._turn)
+
+    def end(self) -> TurnOutcome:
+        """Return the outcome of the turn, in new arrays."""
+        ended = observe.end_turn(self._turn)
+        ends = self._terminated.copy(), self._truncated.copy()
+        return TurnOutcome(self._rewards.copy(), *ends, self._plays.copy(), ended)
 
 
 class ActionHistory:
