@@ -278,10 +278,13 @@ class GamesOnOneMap:
         """
         self._flights = []
         for team, wanted in given.items():
+            acts = self.cursor is not None or wanted.deeds or wanted.messages
+            if not acts and wanted.flights is None:
+                continue
             agents = wanted.agents(self.state.roster, team)
             if wanted.flights is not None:
                 self._flights.append((agents, wanted.flights))
-            if self.cursor is not None or wanted.deeds or wanted.messages:
+            if acts:
                 view = asked_view(self.state, games, agents, here)
                 if self.cursor is not None:
                     self.cursor.note_given(view)
@@ -548,11 +551,12 @@ class TurnOfGames:
         playing: (games,) a mask of the games that are played.
         given: team -> the actions of its agents, which replace their decisions.
         threads: the number of threads.
+        members: team -> the numbers of the agents that its actions are for.
         is_given: (agents,) a mask of the agents with an action from outside.
         asks_at_arrivals: whether functions, or actions from outside, decide for agents on arrival.
 
     Attributes:
-        playing, given, threads, is_given, asks_at_arrivals: see the arguments.
+        playing, given, threads, members, is_given, asks_at_arrivals: see the arguments.
         first: (games,) the first part of the turn that was not played before.
         begun: (games,) the number of parts of turns that were played before this turn.
         takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
@@ -569,6 +573,7 @@ class TurnOfGames:
         playing: BoolArray,
         given: Mapping[Hashable, OutsideActions],
         threads: int,
+        members: Mapping[Hashable, IntArray],
         is_given: BoolArray,
         *,
         asks_at_arrivals: bool,
@@ -576,6 +581,7 @@ class TurnOfGames:
         self.playing = playing
         self.given = given
         self.threads = threads
+        self.members = members
         self.is_given = is_given
         self.asks_at_arrivals = asks_at_arrivals
 
@@ -663,7 +669,7 @@ class BatchEngine(TurnDriver):
 
     def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
         """Yield each map with its games that a mask selects, (games,)."""
-        are_all = bool(which.all())
+        are_all = np.count_nonzero(which) == len(which)
         for one, games in zip(self._maps, self._on, strict=True):
             yield one, games if are_all else games[which[games]]
 
@@ -868,10 +874,11 @@ class BatchEngine(TurnDriver):
             log.begin_turn()
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
-        for team, wanted in given.items():
-            is_given[wanted.agents(roster, team)] = True
+        members = {team: wanted.agents(roster, team) for team, wanted in given.items()}
+        for agents in members.values():
+            is_given[agents] = True
         at_arrivals = self._maps[0].asks_at_arrivals(is_given=len(given) > 0)
-        self._now = TurnOfGames(playing, given, threads, is_given, asks_at_arrivals=at_arrivals)
+        self._now = TurnOfGames(playing, given, threads, members, is_given, asks_at_arrivals=at_arrivals)
 
     def before(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
@@ -1004,10 +1011,10 @@ class BatchEngine(TurnDriver):
         if here is None and not self._has_rules_before:  # agents are where they were when the turn began
             for team in [team for team, wanted in given.items() if wanted.are_legal]:
                 wanted = checked.pop(team)
-                self._block.given[:, wanted.agents(self._state.roster, team)] = wanted.moves
+                self._block.given[:, self._now.members[team]] = wanted.moves
         for state, games in self._by_legal_moves(playing) if checked else ():
             for team, wanted in checked.items():
-                agents = wanted.agents(state.roster, team)
+                agents = self._now.members[team]
                 view = asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")

@@ -6,6 +6,7 @@ in a turn; with deeds, one more number for each deed choice, of which the larges
 """
 
 from collections.abc import Sequence
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_f
     """
     shape = learners.masks.shape[:2]
     deeds = None if learners.deeds is None else np.zeros(shape, np.int64)
-    flights = np.zeros((*shape, AXES)) if learners.flies.any() else None
+    flights = np.zeros((*shape, AXES)) if learners.any_fly else None
     moves = np.zeros(shape, np.int64)
     for agents, actions in given:
         if not len(agents):
@@ -88,7 +89,7 @@ def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> 
         given = np.asarray(actions)
     except ValueError:  # rows of different shapes
         given = np.asarray("")
-    if given.size != np.prod(shape) or given.dtype.kind not in kinds:
+    if given.size != prod(shape) or given.dtype.kind not in kinds:
         raise BadValue(
             f"Actions are {form} of {shape[0] * shape[1]} agents, not {shown(actions)} ({given.dtype} of the shape "
             f"{given.shape})."
@@ -116,7 +117,7 @@ def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
     Raises:
         BadValue: all agents fly.
     """
-    if learners.flies.all():
+    if learners.all_fly:
         raise BadValue(f"Agent {shown(learners.names[0])} flies, and what it does has no mask: learn without masks.")
     if learners.deeds is None:
         return learners.masks

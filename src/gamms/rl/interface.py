@@ -62,7 +62,7 @@ class EnvInterface:
         self._are_flat = as_choice(actions, "actions", get_args(ActionForm)) == "discrete"
         if not self._are_flat:
             return
-        if learners.flies.all():
+        if learners.all_fly:
             raise BadValue("actions='discrete' is for agents on the ground; all that learn here fly: leave it out.")
         most = learners.num_actions * self._choices
         if most > _MOST:
@@ -109,7 +109,7 @@ class EnvInterface:
         """
         values = np.asarray(self.learners.observe(which))
         found = {"observation": values.astype(np.int8) if values.dtype == np.bool_ else values}
-        if self.learners.flies.all():
+        if self.learners.all_fly:
             return found
         masks = self.masks()
         return found | {"action_mask": (masks if which is None else masks[which]).astype(np.int8)}

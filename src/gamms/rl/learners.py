@@ -92,6 +92,7 @@ class Learners:
         masks: (games, agents, actions) the legal actions; only 0 for dead agents and in finished games.
         deeds: the deed choices of agents; None: the scenario declares no deeds.
         flies: (agents,) whether agents fly.
+        any_fly, all_fly: whether some of them, or all, fly.
         reach_m: (agents,) the reach of flying agents in a turn, map units; 0 for the others.
         alive: (games, agents) whether agents take part.
         is_there: (games, agents) whether agents are in the game, dead or alive; the others do not exist yet.
@@ -185,6 +186,7 @@ class Learners:
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # columns of the agents of each team
+        self._shape = (len(self.games), ends[-1])
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
@@ -197,8 +199,10 @@ class Learners:
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in learners], np.bool_)
+        self.any_fly = bool(self.flies.any())
+        self.all_fly = bool(self.flies.all())
         num_heads = 1 if self.deeds is None else 2
-        self._prefix = ActionHistory(self._shape, num_heads, flies=bool(self.flies.any()))
+        self._prefix = ActionHistory(self._shape, num_heads, flies=self.any_fly)
         reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(learners, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
@@ -288,7 +292,7 @@ class Learners:
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
             done = np.where(are_in(self.deed_masks, done), done, 0)
-        if flights is not None and self.flies.any():
+        if flights is not None and self.any_fly:
             flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
         self._play(moves, done, flown)
         self._prefix.add(~self.is_over, [moves] if done is None else [moves, done], flights)
@@ -525,10 +529,6 @@ class Learners:
                 moves[:, columns], deeds, {}, flights, may_stay=True, are_legal=True, name=self.agent
             )
         return given
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return len(self.games), self._columns[-1].stop
 
     def _numbers_of(self, given: ActionArray) -> IntArray:
         """Return the caller's actions as checked integers, (games, agents)."""

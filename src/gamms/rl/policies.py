@@ -460,7 +460,7 @@ def _describe(learners: Learners) -> PolicyDescription:
     function = learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]
-    flies = bool(learners.flies.all())
+    flies = learners.all_fly
     actions = AXES if flies else learners.num_actions
     deeds = 0 if learners.deeds is None else len(learners.deeds)
     spaces = PolicySpaces(shape, actions, named, deeds, flies)

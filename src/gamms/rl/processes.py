@@ -170,7 +170,7 @@ class ProcessesEnv(GamesEnv):
     def _columns(self) -> list[SharedColumn]:
         slots = (self.num_envs,)
         actions = slots + (self.single_action_space.shape or ())
-        kind = "f8" if self.learners.flies.any() else "i8"
+        kind = "f8" if self.learners.any_fly else "i8"
         found = [SharedColumn("actions", actions, kind), SharedColumn("rewards", slots, "f8")]
         found += [SharedColumn(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
         return found + [

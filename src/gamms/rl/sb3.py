@@ -121,7 +121,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
             "rollout_buffer_class": LivingRollouts if is_dict else LivingBoxRollouts,
             "rollout_buffer_kwargs": {"validity": self._validity},
         }
-        if games.learners.flies.any():  # without masks there is no such buffer
+        if games.learners.any_fly:  # without masks there is no such buffer
             self.rollouts = {}
         super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
 

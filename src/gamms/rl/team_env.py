@@ -113,7 +113,7 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
 
     def action_masks(self) -> dict[str, Any]:
         """Return the masks of legal actions: agent on the ground -> (actions,) booleans."""
-        if self.learners.flies.all():
+        if self.learners.all_fly:
             return {}
         masks = zip(self.possible_agents, self._interface.masks()[0], self.learners.flies, strict=True)
         return {name: mask for name, mask, flies in masks if not flies}

@@ -128,7 +128,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
                 terminated = terminated | (learners.is_there & ~alive)
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         columns = {"observation": learners.observe(), "mask": alive & ~over[:, None]}
-        if not learners.flies.all():
+        if not learners.all_fly:
             columns["action_mask"] = action_masks(learners)
         columns |= {key: one[..., None] for key, one in ended.items()}
         if played is not None:

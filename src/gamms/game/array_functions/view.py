@@ -386,7 +386,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         xy = self._places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
         observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        write_vectors(encoder, observers, encoder.output(found, xy), places, threads)
+        write_vectors(observers, encoder.output(found, xy), places, encoder.rooms(threads))
         return found
 
     def _encoder(self, others: int) -> Encoder:
@@ -664,12 +664,12 @@ class VectorWriter(NamedTuple):
         alive: (games, all agents) whether each agent of the roster is alive.
         agents: (agents,) the numbers of the observing agents in the roster, in the order of the vectors.
         mask: (games, agents) whether each observing agent is alive.
-        encoder, observers: see `write_vectors`.
+        encoder: the encoder of the vectors.
+        observers, rooms: see `write_vectors`.
         first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
         first_node: (games,) the index of the first node of each game's map.
         roads: the open roads of the games on each map.
         more: the number of additional entries; see `Encoder.made`.
-        threads: the number of threads that write.
     """
 
     alive: BoolArray
@@ -677,11 +677,11 @@ class VectorWriter(NamedTuple):
     mask: BoolArray
     encoder: Encoder
     observers: observe.Observers
+    rooms: list[observe.NearestAgents]
     first: IntArray
     first_node: IntArray
     roads: list[OpenRoads]
     more: int
-    threads: int
 
     def hold(self) -> bool:
         """Return whether the writer is still valid: in no game are roads open that differ from the start."""
@@ -706,7 +706,7 @@ class VectorWriter(NamedTuple):
             found.legal[:] = known.legal
             found.counts[:] = known.counts
         places = np.arange(len(mask)) if which is None else which
-        write_vectors(self.encoder, self.observers, self.encoder.output(found), places, self.threads)
+        write_vectors(self.observers, self.encoder.output(found), places, self.rooms)
         return found
 
 
@@ -747,4 +747,5 @@ def writers_of(
     observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), seen, first_node)
     encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
     roads = [view._state.roads for view in views]
-    return VectorWriter(own._state.alive, agents, mask, encoder, observers, first, first_node, roads, more, threads)
+    rooms = encoder.rooms(threads)
+    return VectorWriter(own._state.alive, agents, mask, encoder, observers, rooms, first, first_node, roads, more)

@@ -397,7 +397,7 @@ class AgentTable(NamedTuple):
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the public agents of a team, ascending."""
-        number = self.teams.index(team) if as_key(team, "A team") in self.teams else -1
+        number = self.teams.index(team) if as_key(team, "A team") in self.teams else len(self.teams)
         found = np.flatnonzero((self.team_of == number) & self.is_public)
         if not len(found):
             raise UnknownName("team", team, self.public_teams)

@@ -101,10 +101,9 @@ class Encoder:
             self._places, own, self._actions, self._others, vectors.values.shape[-1], *written
         )
 
-    @property
-    def room(self) -> observe.NearestAgents:
-        """New scratch buffers, in which one thread collects the agents that an agent sees."""
-        return room_for(self._agents, self._others)
+    def rooms(self, threads: int) -> list[observe.NearestAgents]:
+        """Return new scratch buffers, in which each thread collects the agents that an agent sees."""
+        return [room_for(self._agents, self._others) for _ in range(threads)]
 
 
 def _box_of(xy: FloatArray) -> tuple[FloatArray, float]:
@@ -126,20 +125,22 @@ def room_for(agents: int, others: int) -> observe.NearestAgents:
 
 
 def write_vectors(
-    encoder: Encoder, observers: observe.Observers, output: observe.VectorObservations, places: IntArray, threads: int
+    observers: observe.Observers,
+    output: observe.VectorObservations,
+    places: IntArray,
+    rooms: Sequence[observe.NearestAgents],
 ) -> None:
     """Write the observation vectors of agents.
 
     Args:
-        encoder: the encoder of the vectors.
         observers: the agents.
         output: the buffers of the vectors; see `Encoder.output`.
         places: the games to write, as indices into the games of the observers.
-        threads: the number of threads; each writes a part of the games.
+        rooms: scratch buffers; for each, a thread writes a part of the games.
     """
     chosen = flat(places, np.int64)
 
-    def observe_part(_: int, begin: int, end: int) -> None:
-        observe.observe_aside(observers, output, encoder.room, chosen, begin, end)
+    def observe_part(thread: int, begin: int, end: int) -> None:
+        observe.observe_aside(observers, output, rooms[thread], chosen, begin, end)
 
-    in_threads(observe_part, len(places), threads)
+    in_threads(observe_part, len(places), len(rooms))
