@@ -59,16 +59,17 @@ cdef class NodeFeatures:
 cdef class LearnerTurn:
     cdef i64 games, agents
     cdef bint may_return
-    cdef const i64[::1] counts
     cdef const u8[::1] alive, over, late
     cdef const double[::1] earned
-    cdef i64[::1] moves
+    cdef i64[::1] counts, moves
     cdef u8[::1] was_over, plays, terminated, truncated
     cdef double[::1] rewards
 
 
 @cython.locals(game=i64, row=i64)
 cpdef int begin_turn(LearnerTurn t) except -1
+@cython.locals(actions=i64, row=i64, action=i64)
+cpdef int write_masks(LearnerTurn t, u8[::1] legal) except -1
 @cython.locals(found=i64, game=i64, row=i64, is_over=bint, is_late=bint, plays=bint, counts=bint, is_out=bint)
 cpdef i64 end_turn(LearnerTurn t) except -1
 

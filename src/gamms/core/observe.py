@@ -264,6 +264,17 @@ def begin_turn(t: LearnerTurn) -> int:
     return 0
 
 
+def write_masks(t: LearnerTurn, legal: memoryview[int]) -> int:
+    """Write which actions are legal, (rows * actions,); dead agents, and all in games that are over, can only stay."""
+    actions = len(legal) // max(t.games * t.agents, 1)
+    for row in range(t.games * t.agents):
+        if t.over[row // t.agents] or not t.alive[row]:
+            t.counts[row] = 1
+        for action in range(actions):
+            legal[row * actions + action] = action < t.counts[row]
+    return 0
+
+
 def end_turn(t: LearnerTurn) -> int:
     """Write the rewards and ends of a turn; return the number of learners that ended."""
     found = 0

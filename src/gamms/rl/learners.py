@@ -176,9 +176,6 @@ class Learners:
         self.agent = agent
         views = self._views(0)
         self.num_actions = self._most_actions()
-        self._masks_of = np.tri(
-            self.num_actions + 1, self.num_actions, -1, np.bool_
-        )  # masks by the number of legal actions
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds)
@@ -190,6 +187,7 @@ class Learners:
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
+        self._maps = self._list_maps()
         self._found: Vectors | None = None  # all current observations, if the core writes them
         self._begin_writing()
         game = self.games.game
@@ -378,6 +376,7 @@ class Learners:
         self.games.reset(which, seeds=seeds)
         self.has_begun = True
         self._prefix.begin(which)
+        self._maps = self._list_maps()
         if self._writers is not None:
             self._writers.move(self.games.maps)
         self._remember(which)
@@ -459,9 +458,14 @@ class Learners:
             members = np.concatenate([view.agents for view in self._views(0)])
             self._writers = writers_of(views, self.games.maps, members, others, 1, self._threads)
 
+    def _list_maps(self) -> list[int]:
+        """Return the numbers of the maps that have games."""
+        found: list[int] = np.unique(self.games.maps).tolist()
+        return found
+
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each map that has games."""
-        by_map = [self._views(number) for number in np.unique(self.games.maps).tolist()]
+        by_map = [self._views(number) for number in self._maps]
         return list(zip(*by_map, strict=True))
 
     @property
@@ -486,11 +490,10 @@ class Learners:
             self._found = self._writers.written(self._found, None if self._found is None else which)
             self.alive: BoolArray = self._found.mask
             self.masks: BoolArray = self._found.legal
-            if has_ended:
-                self._found.counts[self.is_over] = 1
-                self.masks[self.is_over] = self._masks_of[1]
             turn.alive[:] = self.alive
             turn.counts[:] = self._found.counts
+            if has_ended:
+                turn.write_masks(self.masks)
             return
         self._found = None
         self.alive = joined([_in_order([view.mask for view in views], views) for views in self._now])
@@ -498,9 +501,9 @@ class Learners:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
             self.is_there = joined(there)
         turn.alive[:] = self.alive
-        counts = joined([_in_order([view.counts for view in views], views) for views in self._now])
-        turn.counts[:] = np.where(self.alive & ~self.is_over[:, None], counts, 1)
-        self.masks = self._masks_of.take(turn.counts, axis=0)
+        turn.counts[:] = joined([_in_order([view.counts for view in views], views) for views in self._now])
+        self.masks = np.empty((*self._shape, self.num_actions), np.bool_)
+        turn.write_masks(self.masks)
 
     @property
     def deed_masks(self) -> BoolArray:

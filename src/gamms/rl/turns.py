@@ -97,6 +97,11 @@ class TurnOutcome(NamedTuple):
     num_ended: int
 
 
+def data(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
+    """Return an array as a flat buffer, which the core writes to."""
+    return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
+
+
 class TurnArrays:
     """The arrays in which the core takes the actions of learners, and writes what they get.
 
@@ -113,9 +118,6 @@ class TurnArrays:
         self.earned, self._rewards = np.zeros((2, *shape))
         self.alive, self._plays, self._terminated, self._truncated = np.zeros((4, *shape), np.bool_)
         self.over, self.late, was_over = np.zeros((3, shape[0]), np.bool_)
-
-        def data(column: np.ndarray[Any, Any]) -> Any:
-            return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
         self._turn = observe.LearnerTurn(
             *shape,
@@ -136,6 +138,10 @@ class TurnArrays:
     def begin(self) -> None:
         """Note which agents take part in a turn, and replace illegal moves by 0."""
         observe.begin_turn(self._turn)
+
+    def write_masks(self, legal: BoolArray) -> None:
+        """Write which actions are legal, (games, agents, actions), by `counts`; see `core.observe.write_masks`."""
+        observe.write_masks(self._turn, data(legal))
 
     def end(self) -> TurnOutcome:
         """Return the outcome of the turn, in new arrays."""
