@@ -229,3 +229,20 @@ def test_processes_play_the_same_games_on_several_maps():
     for one, other in zip(*found, strict=True):
         np.testing.assert_array_equal(one[0], other[0])
         np.testing.assert_array_equal(one[1], other[1])
+
+
+def test_on_each_map_agents_see_those_who_are_near_there():
+    radius = 25.0
+    teams = {team: {"count": 3, "strategy": WALK, "sensors": ["eyes"]} for team in ("red", "blue")}
+    eyes = {"eyes": {"type": "AGENT_RANGE", "range_m": radius}}
+    growing = [MAPS[2], MAPS[0], MAPS[1]]
+    with scene([TAG], teams=teams, sensors=eyes).batch(40, maps=growing) as games:
+        for _ in range(3):
+            games.step()
+            for number in range(3):
+                view = games.observe("red", map=number)
+                everyone = view.of(np.arange(len(games.roster.names)))["xy"]
+                far = np.linalg.norm(everyone[:, None] - view["xy"][:, :, None], axis=-1)
+                is_near = (far <= radius) & view.living[:, None, :] & view.mask[..., None]
+                is_near[:, np.arange(len(view.agents)), view.agents] = False
+                assert (view.seen().mask == is_near).all()

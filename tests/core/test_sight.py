@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.core.agents import AgentColumns, NodeNumbers
-from gamms.core.observe import list_seen
+from gamms.core.observe import AgentSearch, list_seen
 from gamms.core.sight import AgentPositions, AgentsByX, RangeSearch, SensorTable
 
 LARGE = 1.7e308
@@ -122,24 +122,35 @@ def test_a_node_that_is_not_there_is_an_error():
 
 
 def seen_in_a_batch(places, alive, radius):
-    """The pairs of agents that see each other in a game of a batch, each with one sensor for agents of any team."""
+    """The pairs of agents that see each other in a game of a batch, each with one sensor for agents of any team.
+
+    The second look, at given positions, follows one at mirrored nodes, whose order it has to correct.
+    """
     count = len(places)
-    order = np.argsort([x for x, _ in places], kind="stable")
+    xy = np.array(places, np.float64)
+    order = np.arange(count)
     by_x = AgentsByX(
         count,
-        memoryview(np.array(places, np.float64).reshape(-1)),
+        memoryview(np.zeros(2 * count)),
         memoryview(np.array(alive, np.uint8)),
         memoryview(order),
-        memoryview(np.argsort(order)),
+        memoryview(order.copy()),
         memoryview(np.zeros(count, np.int64)),
         memoryview(np.zeros(count, np.int64)),
     )
     squares = memoryview(np.full(count, radius * radius))
     sensors = SensorTable(memoryview(np.arange(count + 1)), squares, memoryview(np.ones(count, np.uint8)), 1)
-    pairs = np.zeros((count * count, 3), np.int64)
-    viewers = memoryview(np.arange(count))
-    found = list_seen(sensors, by_x, viewers, memoryview(np.ones(count, np.uint8)), memoryview(pairs.reshape(-1)))
-    return {(viewer, other) for _, viewer, other in pairs[:found].tolist()}
+    search = AgentSearch(sensors, by_x, memoryview(np.arange(count)), memoryview(-xy.reshape(-1)))
+    pairs = np.zeros((4, count * count), np.int64)
+    looks = []
+    for own in (np.zeros(0), xy.reshape(-1)):
+        given = memoryview(np.zeros(1, np.int64)), memoryview(own), memoryview(np.arange(count))
+        found = list_seen(search, *given, memoryview(np.ones(count, np.uint8)), memoryview(pairs.reshape(-1)))
+        _, viewers, others, nodes = pairs[:, :found].tolist()
+        assert others == nodes
+        looks.append([*zip(viewers, others, strict=True)])
+    assert looks[0] == looks[1] == sorted(looks[1])
+    return {*looks[1]}
 
 
 @given(

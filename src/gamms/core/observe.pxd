@@ -74,14 +74,27 @@ cpdef int write_masks(LearnerTurn t, u8[::1] legal) except -1
 cpdef i64 end_turn(LearnerTurn t) except -1
 
 
-@cython.locals(found=i64, row=i64, game=i64, count=i64, place=i64)
+@cython.final
+cdef class AgentSearch:
+    cdef sight.SensorTable looks
+    cdef sight.AgentsByX by_x
+    cdef const i64[::1] node
+    cdef const double[::1] xy
+
+
+@cython.locals(room=i64, seen=i64[::1], found=i64, place=i64, game=i64, viewer=i64, count=i64, number=i64)
 cpdef i64 list_seen(
-    sight.SensorTable looks,
-    sight.AgentsByX by_x,
+    AgentSearch s,
+    const i64[::1] games,
+    const double[::1] own,
     const i64[::1] viewers,
     const u8[::1] is_asked,
     i64[::1] pairs,
-) except -1 nogil
+) except -1
+@cython.locals(by_x=sight.AgentsByX, agent=i64, row=i64)
+cdef int _place(AgentSearch s, const double[::1] own, i64 place, i64 game) except -1
+@cython.locals(gap=i64, place=i64, number=i64, before=i64)
+cdef int _sort(i64[::1] numbers, i64 count) except -1
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil

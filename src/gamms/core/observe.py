@@ -292,35 +292,96 @@ def end_turn(t: LearnerTurn) -> int:
     return found
 
 
+class AgentSearch:
+    """Finds the agents that plain sensors show, in the games of a batch.
+
+    Attributes:
+        looks: the sensors of all agents of a game.
+        by_x: the agents of all games.
+        node: (all games * agents,) the node of each agent.
+        xy: (2 * nodes,) x and y of each node, map units.
+    """
+
+    def __init__(
+        self, looks: sight.SensorTable, by_x: sight.AgentsByX, node: memoryview[int], xy: memoryview[float]
+    ) -> None:
+        self.looks = looks
+        self.by_x = by_x
+        self.node = node
+        self.xy = xy
+
+
 def list_seen(
-    looks: sight.SensorTable,
-    by_x: sight.AgentsByX,
+    s: AgentSearch,
+    games: memoryview[int],
+    own: memoryview[float],
     viewers: memoryview[int],
     is_asked: memoryview[int],
     pairs: memoryview[int],
 ) -> int:
-    """Write pairs of observers and visible agents in some games; return their number, those without room included.
+    """Write pairs of observers and visible agents, by game, by observer, then by the number of the visible agent.
 
     Args:
-        looks: the sensors of all agents of a game.
-        by_x: the agents of these games.
+        s: finds them.
+        games: (places,) the number of each game.
+        own: (2 * places * agents,) x and y of each agent, if agents may be between nodes; else empty.
         viewers: (observers,) their numbers among all agents.
-        is_asked: (games * observers,) 1: the observer looks.
-        pairs: (room * 3,) receives the game, the observer and the seen agent of each pair.
+        is_asked: (places * observers,) 1: the observer looks.
+        pairs: (4 * room,) receives the place of each game, then the observers, the visible agents, and their nodes.
+
+    Returns:
+        The number of pairs, those without room included.
     """
+    room = len(pairs) // 4
+    seen = s.by_x.seen
     found = 0
-    for row in range(len(is_asked)):
-        if not is_asked[row]:
-            continue
-        game = row // len(viewers)
-        count = sight.see(looks, by_x, game, viewers[row % len(viewers)])
-        for place in range(count):
-            if 3 * found < len(pairs):
-                pairs[3 * found] = game
-                pairs[3 * found + 1] = row % len(viewers)
-                pairs[3 * found + 2] = by_x.seen[place]
-            found += 1
+    for place in range(len(games)):
+        game = games[place]
+        _place(s, own, place, game)
+        for viewer in range(len(viewers)):
+            if not is_asked[place * len(viewers) + viewer]:
+                continue
+            count = sight.see(s.looks, s.by_x, game, viewers[viewer])
+            _sort(seen, count)
+            for number in range(count):
+                if found < room:
+                    pairs[found] = place
+                    pairs[room + found] = viewer
+                    pairs[2 * room + found] = seen[number]
+                    pairs[3 * room + found] = s.node[game * s.by_x.agents + seen[number]]
+                found += 1
     return found
+
+
+def _place(s: AgentSearch, own: memoryview[float], place: int, game: int) -> int:
+    """Take the positions of the agents of a game."""
+    by_x = s.by_x
+    for agent in range(by_x.agents):
+        row = game * by_x.agents + agent
+        if len(own) > 0:
+            by_x.places[2 * row] = own[2 * (place * by_x.agents + agent)]
+            by_x.places[2 * row + 1] = own[2 * (place * by_x.agents + agent) + 1]
+        else:
+            by_x.places[2 * row] = s.xy[2 * s.node[row]]
+            by_x.places[2 * row + 1] = s.xy[2 * s.node[row] + 1]
+    return by_x.sort(game)
+
+
+def _sort(numbers: memoryview[int], count: int) -> int:
+    """Sort the first numbers, by insertion over gaps that shrink."""
+    gap = 1
+    while 3 * gap < count:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for place in range(gap, count):
+            number = numbers[place]
+            before = place - gap
+            while before >= 0 and numbers[before] > number:
+                numbers[before + gap] = numbers[before]
+                before -= gap
+            numbers[before + gap] = number
+        gap //= 3
+    return 0
 
 
 def node_of(o: Observers, place: int, agent: int) -> int:

@@ -42,8 +42,10 @@ cdef class AgentsByX:
     cdef i64[::1] order, ranks, seen
     cdef const i64[::1] team
 
-    @cython.locals(first=i64, row=i64, number=i64, agent=i64, x=double, place=i64)
+    @cython.locals(first=i64, row=i64)
     cdef int place(self, GameColumns games, const double[::1] xy, i64 game) except -1 nogil
+    @cython.locals(first=i64, number=i64, agent=i64, x=double, place=i64)
+    cdef int sort(self, i64 game) except -1 nogil
 
 
 @cython.locals(

@@ -125,15 +125,20 @@ class AgentsByX:
         self.seen = seen
 
     def place(self, games: GameColumns, xy: memoryview[float], game: int) -> int:
-        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes.
-
-        The order of the last call is corrected by insertion, because most agents have not passed others.
-        """
+        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes."""
         first = game * self.agents
         for row in range(first, first + self.agents):
             self.places[2 * row] = xy[2 * games.node[row]]
             self.places[2 * row + 1] = xy[2 * games.node[row] + 1]
             self.alive[row] = games.alive[row]
+        return self.sort(game)
+
+    def sort(self, game: int) -> int:
+        """Order the agents of a game by their places.
+
+        The order of the last call is corrected by insertion, because most agents have not passed others.
+        """
+        first = game * self.agents
         for number in range(1, self.agents):
             agent = self.order[first + number]
             x = self.places[2 * (first + agent)]

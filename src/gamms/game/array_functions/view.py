@@ -328,8 +328,10 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             state.now[key] = found
         return found
 
-    def _xy_of_all(self) -> FloatArray:
-        """Return the positions of all agents of these games, (games, all agents, 2)."""
+    def _xy_of_all(self) -> FloatArray | None:
+        """Return the positions of all agents of these games, (games, all agents, 2); None: all are on their nodes."""
+        if not self._movement.leaves_nodes:
+            return None
         return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
 
     def seen_nodes(self, *names: str) -> VisibleNodes:

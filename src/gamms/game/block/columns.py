@@ -40,18 +40,18 @@ Table = TypeVar("Table", bound=NamedTuple)
 
 def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
     """Return rows of a named tuple of columns, selected by a mask or by indices."""
-    return type(table)(*(_chosen(column, which) for column in table))
+    rows = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.int64, copy=False)
+    return type(table)(*(_chosen(column, rows) for column in table))
 
 
-def _chosen(column: Any, which: BoolArray | IntArray) -> Any:
+def _chosen(column: Any, rows: IntArray) -> Any:
     if isinstance(column, list):
-        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
         return [column[row] for row in rows.tolist()]
     if isinstance(column, Mapping):
-        return {name: _chosen(one, which) for name, one in column.items()}
+        return {name: _chosen(one, rows) for name, one in column.items()}
     if hasattr(column, "_fields"):
-        return some_rows(column, which)
-    return column[which] if isinstance(column, np.ndarray) else column
+        return some_rows(column, rows)
+    return column[rows] if isinstance(column, np.ndarray) else column
 
 
 def lock(arrays: Iterable[Column]) -> None:

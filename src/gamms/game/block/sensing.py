@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import PlayedGame, places_of, sensors_of, some_rows
+from gamms.game.block.columns import PlayedGame, kept_in, places_of, sensors_of, some_rows
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import has_plain_looks, looks_of
 from gamms.game.conflicts import flat
@@ -29,6 +29,7 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor, SensorType
 SHOWING_AGENTS = ON_GROUND | IN_AIR
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
 _MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
+_ON_NODES = flat(np.zeros(0), np.float64)
 
 
 class VisibleAgentPairs(NamedTuple):
@@ -180,7 +181,7 @@ def seen(
     agents: IntArray,
     asked: BoolArray,
     names: Sequence[str],
-    axes: Callable[[], FloatArray],
+    axes: Callable[[], FloatArray | None],
 ) -> VisibleAgentPairs:
     """Return the agents that some agents see.
 
@@ -190,24 +191,27 @@ def seen(
         agents: the observers' numbers in the roster.
         asked: (games, agents) a mask of the observers.
         names: names of sensors; a named sensor at a fixed place also shows its own agent. None given: all sensors.
-        axes: returns the positions of all agents, (games, all agents, 2).
+        axes: returns the positions of all agents, (games, all agents, 2); None: they are on their nodes.
 
     Raises:
         UnknownName (KeyError): no agent carries such a sensor that shows agents.
     """
-    known = names_of(state.roster.agents, agents, SHOWING_AGENTS)
-    for name in names:
-        if name not in known:
-            raise UnknownName("sensor that shows agents", name, known)
+    if names:
+        known = names_of(state.roster.agents, agents, SHOWING_AGENTS)
+        for name in names:
+            if name not in known:
+                raise UnknownName("sensor that shows agents", name, known)
     shape = len(games), len(agents), len(state.roster.names)
-    noted = np.isin(agents, [*state.noted])
-    parts = [*_seen_in_core(state, games, agents, asked & ~noted, names, axes)]
-    if noted.any() and len(games):
-        if state.look is not None:
-            state.look(games)
-        parts += _sighted(state, names, (games, agents), asked)
-    none = np.zeros(0, np.int64)
-    at, viewers, others, nodes = (np.concatenate(columns) for columns in zip((none,) * 4, *parts, strict=True))
+    noted = np.zeros(len(agents), np.bool_)
+    if state.noted:
+        noted = np.isin(agents, [*state.noted])
+    plain = _seen_in_core(state, games, agents, asked & ~noted, names, axes)
+    if not noted.any() or not len(games):
+        return VisibleAgentPairs(shape, *plain)
+    if state.look is not None:
+        state.look(games)
+    parts = [plain, *_sighted(state, names, (games, agents), asked)]
+    at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
     return VisibleAgentPairs(shape, at[first], viewers[first], others[first], nodes[first])
 
@@ -218,39 +222,45 @@ def _seen_in_core(
     agents: IntArray,
     asked: BoolArray,
     names: Sequence[str],
-    axes: Callable[[], FloatArray],
-) -> Iterator[tuple[IntArray, ...]]:
-    """Yield columns (games, agents, others, nodes) of the agents that plain sensors show."""
-    key = "plain", tuple(names), tuple(state.noted)
-    if key not in state.shared:
-        looking = [number not in state.noted for number in range(len(state.roster.names))]
-        state.shared[key] = looks_of(state.roster, looking, names)
-    columns = state.shared[key]
-    if columns[0][-1] == 0 or not asked.any():
-        return
+    axes: Callable[[], FloatArray | None],
+) -> IntArray:
+    """Return columns (games, agents, others, nodes) of the agents that plain sensors show, sorted."""
+    search = kept_in(state.searches, (tuple(names), tuple(state.noted)), lambda: _search_for(state, names))
     xy = axes()
-    order = np.argsort(xy[..., 0], axis=1)
-    ranks = np.argsort(order, axis=1)
-    begins, squares, shows = columns
-    num_agents = len(state.roster.names)
-    by_x = sight.AgentsByX(
-        num_agents,
-        flat(xy, np.float64),
-        flat(state.alive[games].view(np.uint8), np.uint8),
-        flat(order, np.int64),
-        flat(ranks, np.int64),
-        flat(state.roster.team_of, np.int64),
-        flat(np.zeros(num_agents), np.int64),
-    )
-    sensors = sight.SensorTable(begins, squares, shows, len(state.roster.teams))
-    who = sensors, by_x, flat(agents, np.int64), flat(asked.view(np.uint8), np.uint8)
-    total = observe.list_seen(*who, flat(np.zeros(0), np.int64))
+    own = _ON_NODES if xy is None else flat(xy, np.float64)
+    who = search, flat(games, np.int64), own, flat(agents, np.int64), flat(asked.view(np.uint8), np.uint8)
+    room = state.shared.get("pairs", asked.size)
+    pairs: IntArray = np.empty((4, room), np.int64)
+    total = observe.list_seen(*who, pairs.reshape(-1).data)
     if total > _MOST_PAIRS:
         raise TooLarge(f"The agents see {total} agents together, too many for arrays. Ask for fewer games.")
-    pairs = np.zeros((total, 3), np.int64)
-    observe.list_seen(*who, pairs.reshape(-1).data)
-    at, viewers, others = pairs.T
-    yield at, viewers, others, state.node[games[at], others]
+    if total > room:
+        state.shared["pairs"] = total + total // 8
+        pairs = np.empty((4, total), np.int64)
+        observe.list_seen(*who, pairs.reshape(-1).data)
+    return pairs[:, :total]
+
+
+def _search_for(state: GameArrays, names: Sequence[str]) -> observe.AgentSearch:
+    """Return the search for the agents that plain sensors of these names, or all, show."""
+    roster = state.roster
+    agents = len(roster.names)
+    looking = [number not in state.noted for number in range(agents)]
+    key = "plain", tuple(names), tuple(state.noted)
+    looks = kept_in(state.shared, key, lambda: looks_of(roster, looking, names))
+    sensors = sight.SensorTable(*looks, len(roster.teams))
+    x = state.streets.columns.xy[:, 0]
+    order = np.argsort(x.take(state.node, mode="clip"), axis=1)  # nodes on other maps may have larger numbers
+    by_x = sight.AgentsByX(
+        agents,
+        flat(np.zeros((*state.node.shape, 2)), np.float64),
+        flat(state.alive.view(np.uint8), np.uint8),
+        flat(order, np.int64),
+        flat(np.zeros_like(order), np.int64),
+        flat(roster.team_of, np.int64),
+        flat(np.zeros(agents), np.int64),
+    )
+    return observe.AgentSearch(sensors, by_x, flat(state.node, np.int64), flat(state.streets.columns.xy, np.float64))
 
 
 def _sighted(

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.core import rules
+from gamms.core import observe, rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
 from gamms.game.block.columns import AgentTable, Failure, GameLog, index_games
@@ -289,6 +289,7 @@ class GameArrays:
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
         shared: data computed once for all games, by key; independent of the state.
+        searches: find the agents that plain sensors show, by the names of the sensors.
         now: data computed from the current state, by key; cleared when the state changes.
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
@@ -344,6 +345,7 @@ class GameArrays:
         self.unchecked = set[Hashable]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
+        self.searches: dict[Hashable, observe.AgentSearch] = {}
         self.noted_moves: NotedMoves | None = None
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
