@@ -18,12 +18,6 @@ def draws(seed=7, purpose="conflicts", name="anna", turn=3, k=0):
     return kernels.draw_bits(kernels.purpose_key(seed, purpose), kernels.name_key(name), turn, k)
 
 
-def test_keys_of_several_seeds_and_purposes_are_those_of_each():
-    purposes = [("agent",), ("flags", 3)]
-    keys = kernels.purpose_keys([0, 7, -1], purposes)
-    assert keys.tolist() == [[kernels.purpose_key(seed, *one) for one in purposes] for seed in (0, 7, -1)]
-
-
 def test_a_draw_follows_from_seed_purpose_name_turn_and_count():
     assert draws() == draws()
     others = [draws(seed=8), draws(purpose="contacts"), draws(name="ben"), draws(turn=4), draws(k=1)]

@@ -15,6 +15,8 @@ def test_keys_of_many_streams_are_those_of_each(seeds, names):
     keys = kernels.stream_keys(seeds, names)
     joined = [[int(low) | int(high) << 64 for low, high in of_seed] for of_seed in keys]
     assert joined == [[kernels.stream_key(seed, *name) for name in names] for seed in seeds]
+    purposes = [[kernels.purpose_key(seed, *name) for name in names] for seed in seeds]
+    assert kernels.purpose_keys(seeds, names).tolist() == purposes
 
 
 @given(seeds=st.lists(st.integers(0, 2**70), min_size=1, max_size=3), n=st.integers(1, 2**28))

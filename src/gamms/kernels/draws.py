@@ -27,10 +27,19 @@ def purpose_key(seed: int, *purpose: str | int) -> int:
     return _hash(repr((seed, *purpose)))
 
 
-def purpose_keys(seeds: Iterable[int], purposes: Sequence[tuple[str | int, ...]]) -> BitArray:
+def purpose_keys(seeds: Sequence[int], purposes: Sequence[tuple[str | int, ...]]) -> BitArray:
     """Return the `purpose_key` of each seed and purpose, (seeds, purposes)."""
-    texts = [repr((seed, *purpose)) for seed in seeds for purpose in purposes]
-    return _hash_many(texts).reshape(-1, len(purposes))
+    from hashlib import blake2b
+
+    ends = _ends_of(purposes)
+    texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
+    digests = b"".join([blake2b(text, digest_size=8).digest() for text in texts])
+    return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(len(seeds), len(ends))
+
+
+def _ends_of(names: Sequence[tuple[str | int, ...]]) -> list[bytes]:
+    """Return what follows the seed in the text of a seed and names, for each tuple of names."""
+    return [f", {', '.join(map(repr, name))})".encode() for name in names]
 
 
 @lru_cache(maxsize=_MOST_NAMES)
@@ -171,9 +180,9 @@ def stream_keys(seeds: Iterable[int], names: Sequence[tuple[str | int, ...]]) ->
     """Return the `stream_key` of each seed and name, (seeds, names, 2): its lower and its upper half."""
     from hashlib import blake2b
 
-    ends = [f", {', '.join(map(repr, name))})".encode() for name in names]
+    ends = _ends_of(names)
     texts = (b"(%d%b" % (seed, end) for seed in seeds for end in ends)
-    digests = b"".join(blake2b(text, digest_size=16).digest() for text in texts)
+    digests = b"".join([blake2b(text, digest_size=16).digest() for text in texts])
     return np.frombuffer(digests, "<u8").astype(np.uint64).reshape(-1, len(ends), 2)
 
 
