@@ -657,6 +657,7 @@ class BatchEngine(TurnDriver):
         self._asks_functions = self._maps[0].asks_functions
         self._has_rules_before = any(one.before for one in self._maps)
         self._leaves_out = self._maps[0].leaves_out
+        self._by_metres = any(isinstance(movement, MetricMovement) for movement in movements)
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
         if all(type(movement) is Movement for movement in movements):
             self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
@@ -796,9 +797,12 @@ class BatchEngine(TurnDriver):
         Raises:
             NewAgents: rules have created agents that have no rows; the games have to begin again.
         """
-        playing = self.playing if only is None else only & self.playing
+        is_over = self.is_over
+        playing = ~(is_over | self._state.is_apart)
+        if only is not None:
+            playing &= only
         leaving = self._state.leaving
-        is_single = np.count_nonzero(~self.is_over) == 1
+        is_single = len(is_over) - np.count_nonzero(is_over) == 1
         try:
             with self._interruptible(is_given=len(given) > 0, is_single=is_single):
                 self._begin_turn(playing, given, threads)
@@ -935,7 +939,7 @@ class BatchEngine(TurnDriver):
         playing: BoolArray = now.playing & (now.first <= part) & self._state.is_going
         now.in_part = playing
         play = partial(self._play_core, playing, part)
-        for one, games in self._each(playing):
+        for one, games in self._each(playing) if self._by_metres else ():
             one.leave_closed_edges(games, part)
         if now.asks_at_arrivals:
             self._play_arrivals(playing, part, play)
