@@ -219,3 +219,23 @@ def test_a_flag_whose_carrier_was_deleted_is_dropped_at_its_base():
             assert_as_alone(games, alone)
             for number in range(2):
                 assert [one["node"] for one in games.result(number).events if one["kind"] == "drop"] == [24]
+
+
+def test_a_run_leaves_games_alone_in_which_agents_have_names_of_their_own():
+    def recruit(ctx):
+        if ctx.game.turn % 3 == 0:
+            node = ctx.game.agents[0].current_node_id
+            ctx.agent.create_agent(f"new_{ctx.game.turn}_{node}", start_node_id=node, team="red", strategy=timid)
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(recruit)
+        with ctx.game.batch(seeds=range(6)) as games, ctx.game.fork(0).ctx as alone:
+            games.run(max_turns=5)
+            games.run()
+            assert games.detached
+            assert 0 not in games.detached  # whose agents are known from playing it ahead
+            assert all("creates agents whose names" in why for why in games.detached.values())
+            assert_as_alone(games, alone)
+            games.reset()
+            games.run()
+            assert_as_alone(games, alone)

@@ -313,6 +313,7 @@ class Batch(Surface, Immutable, NotPickled):
         ]
         engine = self._made_engine()
         engine.stop_at = self._engine.stop_at
+        engine.add_rows(adds_rows=self._ran_from is None)  # a run has looked ahead, and plays all turns again only once
         self._engine = engine
         self._separate.move_to(engine, self._roster)
         for place, given in enumerate(self._log):
@@ -422,6 +423,7 @@ class Batch(Surface, Immutable, NotPickled):
                 self._run_in_core(num_threads, show)
             finally:
                 self._ran_from = None
+                self._engine.add_rows(adds_rows=True)
             with self._watching():
                 for _ in self._separate.run():
                     if show is not None:

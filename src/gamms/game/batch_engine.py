@@ -691,6 +691,11 @@ class BatchEngine(TurnDriver):
         """The functions that it calls."""
         return [function for one in self._maps for function in one.functions]
 
+    def add_rows(self, *, adds_rows: bool) -> None:
+        """Set `GameArrays.adds_rows` on all maps."""
+        for one in self._maps:
+            one.state.adds_rows = adds_rows
+
     @property
     def may_leave(self) -> bool:
         """Whether functions are called, which may move games to contexts of their own."""

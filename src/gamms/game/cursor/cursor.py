@@ -933,6 +933,8 @@ class Cursor:
         changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
         self._turns.note_departed()
         self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
+        if not self._state.adds_rows and any(agent.name not in self._number_of for agent in new):
+            self._leave("creates agents whose names neither game 0 nor the other games of the batch know")
         unfit = [agent for agent in new if not roster.can_hold(agent)]
         unfit += [agent for agent in changed if not roster.varies[self._number_of[agent.name]]]
         if unfit:
