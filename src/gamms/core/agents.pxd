@@ -87,13 +87,13 @@ cdef class MovingAgents:
     cdef AgentColumns columns
     cdef const i64[::1] rows
     cdef readonly bytearray takes_part, has_begun
+    cdef readonly bytes lives
     cdef u8[::1] _takes_part, _has_begun
     cdef readonly bint are_all
     cdef int[::1] counts, blocked
 
-    @cython.locals(columns=AgentColumns, i=Py_ssize_t, is_alive=u8, are_all=bint, are_new=bint)
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, is_alive=u8, are_all=bint, are_new=bint, is_other=bint)
     cpdef bint take_lives(self) except -1
-    cpdef bytes lives(self)
     cpdef let_take_part(self, bytes lives)
     @cython.locals(i=Py_ssize_t, found=list)
     cpdef present(self, object agents)

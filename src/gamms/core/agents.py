@@ -373,6 +373,7 @@ class MovingAgents:
         rows: (agents,) the row of each agent.
         takes_part: (agents,) whether each was alive when the present part of a turn began; see `take_lives`.
         are_all: whether all were.
+        lives: the same as `takes_part`, as bytes for `let_take_part`; the same object until others take part.
         has_begun: (agents,) whether each has taken part in some turn.
         counts: (agents,) the number of moves to another node that each has made.
         blocked: (agents,) the number of moves of each that were stopped.
@@ -387,6 +388,7 @@ class MovingAgents:
         self.has_begun = bytearray(len(rows))
         self._takes_part = memoryview(self.takes_part)
         self._has_begun = memoryview(self.has_begun)
+        self.lives = bytes(self.takes_part)
         self.are_all = len(rows) == 0
         self.counts = counts
         self.blocked = blocked
@@ -396,24 +398,26 @@ class MovingAgents:
         columns = self.columns
         are_all = True
         are_new = False
+        is_other = False
         for i in range(len(self.rows)):
             is_alive = columns._lives[self.rows[i]]
-            self._takes_part[i] = is_alive
+            if self._takes_part[i] != is_alive:
+                self._takes_part[i] = is_alive
+                is_other = True
             if not is_alive:
                 are_all = False
             elif not self._has_begun[i]:
                 self._has_begun[i] = 1
                 are_new = True
         self.are_all = are_all
+        if is_other:
+            self.lives = bytes(self.takes_part)
         return are_new
-
-    def lives(self) -> bytes:
-        """Return which agents take part, (agents,), for `let_take_part`."""
-        return bytes(self.takes_part)
 
     def let_take_part(self, lives: bytes) -> None:
         """Let other agents take part."""
         self.takes_part[:] = lives
+        self.lives = lives
         self.are_all = 0 not in lives
 
     def present(self, agents: Any) -> Any:

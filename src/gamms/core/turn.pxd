@@ -172,6 +172,7 @@ cdef class NodeConflicts:
     cdef public MoveRequests requests
     cdef i64[::1] found
     cdef public bytearray takes_part
+    cdef public bytes took_part
     cdef public i64 room
     cdef public object order, conflicts, allow_swaps
 

@@ -610,7 +610,7 @@ class TurnMovesInCore:
         paths: Any = None,
         took_part: bytes | None = None,
     ) -> None:
-        self.took_part = order.moving.lives() if took_part is None else took_part
+        self.took_part = order.moving.lives if took_part is None else took_part
         self.order = order
         self.starts = starts
         self.ends = ends
@@ -1005,7 +1005,7 @@ class GameTurn(TurnDriver):
             phase.leave_unread(None)
         self.unread = None
         now = bytes(order.block.games.memory), state.turn, state.blocked
-        lives = order.moving.lives()
+        lives = order.moving.lives
         drawn = None if state.turn == unread.turn else self._get_drawn(order)
         player = phase.player
         team_memories = state.team_memories
@@ -1168,7 +1168,7 @@ class NodeConflicts:
         rows: the starts and the ends of moves as numbers of places.
         room: the number of nodes for which there is working memory.
         order: the agents, in the form of the turn engine.
-        takes_part: (agents,) whether each takes part; the others are in no conflict.
+        takes_part, took_part: (agents,) whether each takes part, the others are in no conflict; and the same as bytes.
         conflicts: the conflicts.
         allow_swaps: whether they allowed agents to exchange nodes, when working memory was made.
         contests, requests: working memory, and the moves in the form of `core.conflicts`.
@@ -1177,6 +1177,7 @@ class NodeConflicts:
 
     def __init__(self, numbers: NodeNumbers, rows: MoveColumns, found: memoryview[int]) -> None:
         self.takes_part = bytearray(len(found))
+        self.took_part: bytes | None = None
         self.numbers = numbers
         self.rows = rows
         self.found = found
@@ -1192,8 +1193,14 @@ class NodeConflicts:
         if moves.order is not self.order or moves.columns is None or moves.paths is not None or moves.actions:
             return False
         is_same: bool = self.conflicts.allow_swaps == self.allow_swaps
-        self.takes_part[:] = moves.took_part
+        if moves.took_part is not self.took_part:
+            self.let_take_part(moves.took_part)
         return is_same and self.write(moves.columns) and self.resolve(turn) == 0
+
+    def let_take_part(self, took_part: bytes) -> None:
+        """Leave other agents out from now on."""
+        self.takes_part[:] = took_part
+        self.took_part = took_part
 
     def write(self, moves: MoveColumns) -> bool:
         """Write the numbers of the starts and the ends of moves; return whether there is room for them."""

@@ -184,7 +184,7 @@ class Conflicts:
         listed = sorted(moves.values(), key=_name_of)
         starts, ends = [[move.places[which] for move in listed] for which in (0, 1)]
         agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], (), ctx)
-        agents.takes_part[:] = bytes([1]) * len(listed)
+        agents.let_take_part(bytes([1]) * len(listed))
         found = agents.losers(
             (starts, ends), ctx.game.turn, lambda rows: {listed[i].agent: listed[i] for i in rows}, ctx
         )
@@ -326,7 +326,7 @@ class TurnConflicts:
             self._conflicts = conflicts
             self._allows_swaps = allows_swaps
         if self._agents is not None:
-            self._agents.takes_part[:] = took_part
+            self._agents.let_take_part(took_part)
             return self._agents.losers(places, turn, moves_of, ctx)
         ground = order.whole.on_ground
         movers = [i for i in (range(len(order.slots)) if ground is None else ground) if took_part[i]]

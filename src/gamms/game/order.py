@@ -171,7 +171,7 @@ class TurnPart:
     @property
     def commanded(self) -> list[PlannedAgents]:
         """The agents with a plan that take part, by team. No slots are made for agents with a plan of arrays."""
-        lives = self._moving.lives()
+        lives = self._moving.lives
         if self._commanded is None or self._commanded[0] != lives:
             self._commanded = lives, self._list_commanded()
         return self._commanded[1]

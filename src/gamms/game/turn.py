@@ -677,7 +677,7 @@ class TurnEngine(GameTurn):
             ends = {i: (before[i], after[i]) for i in indices}
             return {slots[i].name: Move(slots[i].name, slots[i].team, *ends[i], ends[i]) for i in indices}
 
-        losers = self._losers(order, (before, after), order.moving.lives(), named)
+        losers = self._losers(order, (before, after), order.moving.lives, named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
     def _prepare_first(self, order: TurnOrder, part: TurnPart) -> bool:

@@ -274,7 +274,7 @@ class TurnMoves(TurnMovesInCore):
 
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves for another order, or of other agents that take part; those that are new stay."""
-        lives = order.moving.lives()
+        lives = order.moving.lives
         if order is self.order and lives == self.took_part:
             return self
         places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
