@@ -364,3 +364,19 @@ def test_sensors_of_programs_are_asked_in_the_game_of_their_agent(way):
             agent.register_sensor("log", ctx.sensor.from_function(f"log of {agent.name}", log))
             agent.register_sensor("compass", Compass())
         check(ctx, seeds=[1, 2, 3])
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_an_observation_has_the_memory_of_the_agent_in_its_game(phase):
+    def remember(state):
+        state["memory"]["at"] = state["curr_pos"]
+        state["action"] = state["draw"].choice(state["legal"])
+
+    def tell_memories(ctx):
+        known = [dict(ctx.game.observation(agent)["memory"]) for agent in ctx.game.agents]
+        ctx.game.emit("known", memories=known)
+
+    with scene().build(seed=1, strategies={"red": remember, "blue": remember}) as ctx:
+        ctx.game.add(tell_memories, phase=phase)
+        ctx.game.step()
+        check(ctx)

@@ -193,3 +193,38 @@ def test_a_shipped_rule_that_is_called_by_hand_does_what_it_does_as_a_rule(ctx):
     ctx.game.run(30)
     assert called == ([dict(event) for event in ctx.game.events], dict(ctx.game.scores))
     assert called[1]["red"] > 0
+
+
+def test_an_agent_that_took_no_part_stays_where_a_check_has_put_it(ctx):
+    dead = ctx.agent.get_agent("c")
+
+    def rule(ctx):
+        pass
+
+    def put(ctx):
+        dead.current_node_id = 2
+
+    rule.check = put
+    ctx.game.add(rule)
+    ctx.game.step()
+    ctx.game.eliminate(dead)
+    dead.current_node_id = 9
+    before = dict(ctx.game.counts["c"])
+    ctx.game.step()
+    assert (dead.current_node_id, dead.alive, ctx.game.counts["c"]) == (2, False, before)
+
+
+def test_a_check_that_deletes_an_agent_leaves_the_moves_of_the_others(ctx):
+    for name in ("b", "c"):
+        ctx.agent.get_agent(name).decide_by(lambda state: state.update(action=max(state["legal"])))
+    where = {name: ctx.agent.get_agent(name).current_node_id for name in ("b", "c")}
+
+    def rule(ctx):
+        pass
+
+    rule.check = lambda ctx: ctx.agent.delete_agent("a")
+    ctx.game.add(rule)
+    ctx.game.step()
+    moved = {agent.name: agent.prev_node_id for agent in ctx.game.agents}
+    assert moved == where
+    assert all(agent.current_node_id > agent.prev_node_id for agent in ctx.game.agents)

@@ -95,6 +95,8 @@ cdef class MovingAgents:
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, is_alive=u8, are_all=bint, are_new=bint, is_other=bint)
     cpdef bint take_lives(self) except -1
     cpdef let_take_part(self, bytes lives)
+    @cython.locals(i=Py_ssize_t)
+    cpdef int leave_out(self, i64[::1] starts, i64[::1] ends, bytes took_part) except -1
     @cython.locals(i=Py_ssize_t, found=list)
     cpdef present(self, object agents)
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)

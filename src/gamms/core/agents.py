@@ -420,6 +420,14 @@ class MovingAgents:
         self.lives = lives
         self.are_all = 0 not in lives
 
+    def leave_out(self, starts: memoryview[int], ends: memoryview[int], took_part: bytes) -> int:
+        """Let agents that took no part stay where they are now: a rule may have placed them meanwhile."""
+        for i in range(len(self.rows)):
+            if not took_part[i]:
+                starts[i] = self.columns._node_of(self.rows[i])
+                ends[i] = starts[i]
+        return 0
+
     def present(self, agents: Any) -> Any:
         """Return those of some agents that take part; the same object if all agents do."""
         if self.are_all:

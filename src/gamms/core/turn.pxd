@@ -159,7 +159,7 @@ cdef class GameTurn(TurnDriver):
     cpdef ask(self, object order, object part, object observers, object paths=*)
     @cython.locals(answers=Answers, asked=PartInCore, alike=list, is_paused=bint)
     cpdef decide(self, object order, object part, object observers=*, object paths=*)
-    @cython.locals(moves=TurnMovesInCore, moving=PartInCore, block=AgentColumns)
+    @cython.locals(moves=TurnMovesInCore, moving=PartInCore, agents=MovingAgents, block=AgentColumns)
     cpdef int move(self, i64 number) except -1
     @cython.locals(moves=TurnMovesInCore, agents=NodeConflicts)
     cpdef int give_way(self, i64 number) except -1

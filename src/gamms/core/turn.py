@@ -1124,9 +1124,17 @@ class GameTurn(TurnDriver):
                 gc.enable()
         return answers
 
+    def fit_moves(self) -> Any:
+        """Return the moves of the turn for the present agents: a check or a resolver may create and delete agents."""
+        moves = self.state.moves
+        if moves.order is not self.order_now:
+            moves = moves.on(self.order_now)
+            self.state.moves = moves
+        return moves
+
     def move(self, number: int) -> int:
         """Move the agents of a part of the turn."""
-        moves = self.state.moves
+        moves = self.fit_moves()
         order = moves.order
         part = order.parts[number]
         moving = part.in_core
@@ -1134,6 +1142,9 @@ class GameTurn(TurnDriver):
             moving = part.prepare(order, NOT_ASKED)
         block = order.block
         ends = moves.ends
+        agents = moving.moving
+        if not agents.are_all or moves.took_part is not agents.lives:
+            agents.leave_out(moves.starts, ends, moves.took_part)
         block.move_all(moving.ground, ends if moving.is_all_ground else part.of_ground(ends))
         moving.moving.count(moves.in_core() if moves.columns is None else moves.columns)
         if not moving.has_starts:
@@ -1149,7 +1160,7 @@ class GameTurn(TurnDriver):
 
     def give_way(self, number: int) -> int:  # noqa: ARG002 - as all phases
         """Resolve conflicts, and stop the losers."""
-        moves = self.state.moves
+        moves = self.fit_moves()
         agents = self.conflicting
         if agents is not None and agents.let_all_go(moves, self.state.turn):
             return 0

@@ -343,6 +343,7 @@ class TurnEngine(GameTurn):
         if "time" in state:
             state["time"] = self._legality.travel.now
         state["turn"] = game.turn
+        state["memory"] = game.memory_of(slot.name)  # in batches that of another game than the template has
         known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}

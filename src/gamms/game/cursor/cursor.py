@@ -291,7 +291,8 @@ class Cursor:
         self._own_of_ctx = vars(self._ctx)
         self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
         values.__class__ = PointedState
-        values.start = StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
+        reading = self._read_field, self._replace_data, self._began, self._memory_of
+        values.start = StartOfGame(*reading, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
@@ -618,6 +619,10 @@ class Cursor:
         return starts
 
     _make_began = _began
+
+    def _memory_of(self, name: str) -> dict[Any, Any]:
+        """Return the writable memory of an agent in the game that the context is pointed at."""
+        return self._memories[self._number].setdefault(name, {})
 
     def _make_scores(self) -> Scores:
         self._scores_before = self._state.scores.of(self._number)

@@ -74,6 +74,7 @@ class StartOfGame:
         read: returns the value of a field of the game.
         replace_data: sets `ctx.game.data`.
         began: returns the start places of agents.
+        memory_of: returns the memory of an agent.
         leave: moves the game to a context of its own; called with the reason.
     """
 
@@ -82,11 +83,13 @@ class StartOfGame:
         read: Callable[[str], Any],
         replace_data: Callable[[dict[Any, Any]], None],
         began: Callable[[], dict[str, Any]],
+        memory_of: Callable[[str], dict[Any, Any]],
         leave: Callable[[str], NoReturn],
     ) -> None:
         self.read = read
         self.replace_data = replace_data
         self._began = began
+        self.memory_of = memory_of
         self._leave = leave
 
     @property
@@ -114,9 +117,10 @@ class PointedState(GameState):
 
     __slots__ = ()
 
-    def memory_of(self, name: str) -> dict[Any, Any]:  # noqa: ARG002 - as that of a game
-        """Return an empty memory; the cursor replaces it by the memory of the agent in each game."""
-        return {}
+    def memory_of(self, name: str) -> dict[Any, Any]:
+        """Return the writable memory of an agent in the game that the context is pointed at."""
+        memory: dict[Any, Any] = self.start.memory_of(name)
+        return memory
 
 
 def _read_field(name: str, state: GameState) -> Any:
