@@ -349,7 +349,7 @@ class PointedColumns:
         self.previous = previous
 
     def point(self, game: int) -> int:
-        """Copy the current and the previous nodes of one game into the columns.
+        """Copy the current and the previous nodes of one game into the columns, and note that all agents may differ.
 
         Raises:
             IndexError: there is no game of this number.
@@ -362,6 +362,8 @@ class PointedColumns:
         for i in range(size):
             columns._nodes[i] = self.node[first + i]
             columns._origins[i] = self.previous[first + i]
+        columns.version += 1
+        columns._have_all_changed = True
         return 0
 
 

@@ -181,6 +181,7 @@ class Game(Surface, RuleVerbs):
             Duplicate: the name is taken.
         """
         self._collectors.add(as_name(name, "a collector"), fn, as_count(every, "every"), per)
+        self._phase.drop_plans()
 
     # -- playing ------------------------------------------------------------------------------------------------
 

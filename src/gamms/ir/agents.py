@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from gamms.core import strategies
-from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers, PointedColumns
+from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
@@ -673,12 +673,6 @@ def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) 
         block.previous_position[row] = previous
         block.quat[row] = quat
     block._unlocated.clear()
-
-
-def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
-    """Show the ground positions of agents in a game of a batch, without recording changes."""
-    games.point(number)
-    block._note_all()
 
 
 def show_positions(block: AgentBlock, node: IntArray, previous: IntArray) -> None:

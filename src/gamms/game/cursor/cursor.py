@@ -304,6 +304,7 @@ class Cursor:
         self._read = dict[str, Any]()
         self._number = -1
         self._fixed = self._what_is_fixed()
+        self._note_epoch()
 
     def _take_first_values(self) -> None:
         """Take the data, facts and attributes of agents with which games begin."""
@@ -365,6 +366,12 @@ class Cursor:
         """Return the numbers and objects that only the turn engine may change."""
         parts = self._parts
         return self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
+
+    def _note_epoch(self) -> None:
+        """Note the agents and settings of the context: only functions that run from now on have changed them."""
+        phase = self._phase
+        self._epoch = phase.epoch
+        self._changes = phase.strategy_changes, phase.sensor_changes
 
     def _take_shown(self) -> None:
         """Read the agents that the context has from now on."""
@@ -437,7 +444,6 @@ class Cursor:
         """Show the values in Python of the game that the context is pointed at."""
         values = self._values
         pointed = self._pointed
-        phase = self._phase
         self._number = number
         if pointed.population is not self._population:
             self._take_shown()
@@ -445,7 +451,6 @@ class Cursor:
             own.number = number
         self._read.clear()
         self._own_of_ctx["_rng"] = self._rngs[number]
-        self._changes = phase.strategy_changes, phase.sensor_changes
         values.team_memories = self._team_memories[number]
         over = self._state.over[number]
         values.over = over
@@ -466,7 +471,11 @@ class Cursor:
         facts = self._facts_of[number]
         if facts is not self._facts_own:
             self._show_facts(facts)
-        self._show_attributes_of(number)
+        attributes = self._attributes[number] or self._begin_attributes(number)
+        if attributes is not self._attributes_shown:
+            self._show_attributes(attributes)
+        if self._phase.epoch != self._epoch:
+            self._note_epoch()
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
         """Show the facts of a game; None: the facts published before the batch."""
@@ -475,15 +484,13 @@ class Cursor:
         self._facts.clear()
         self._facts.update(self._facts_shown)
 
-    def _show_attributes_of(self, number: int) -> None:
-        """Show the attributes of agents in a game."""
-        attributes = self._attributes[number]
-        if attributes is None and not self._are_shared:
-            attributes = [copied_values(own) for own in self._first_attributes]
-            self._attributes[number] = attributes
-        attributes = attributes or self._shared_attributes
-        if attributes is not self._attributes_shown:
-            self._show_attributes(attributes)
+    def _begin_attributes(self, number: int) -> list[dict[str, Any]]:
+        """Return the attributes with which the agents of a game begin."""
+        if self._are_shared:
+            return self._shared_attributes
+        attributes = [copied_values(own) for own in self._first_attributes]
+        self._attributes[number] = attributes
+        return attributes
 
     def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
         """Set the custom attributes of the agents."""
@@ -898,7 +905,9 @@ class Cursor:
         rng = self._own_of_ctx["_rng"]
         if rng is not None:
             self._take_rng(rng)
-        if journal.log or journal.progressed or (phase.strategy_changes, phase.sensor_changes) != self._changes:
+        is_other = phase.epoch != self._epoch
+        are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
+        if journal.log or journal.progressed or are_changed:
             block = self._take_agents(journal)
             if block is None:
                 return
@@ -911,9 +920,9 @@ class Cursor:
             self._take_roads()
         for name in _NUMBERS:
             self._state.numbers[name][number, self._population.numbers] = getattr(block, name)
-        if self._facts != self._facts_shown or any(self._nothing_private):
+        if self._facts != self._facts_shown or (is_other and any(self._nothing_private)):
             self._take_facts()
-        if self._what_is_fixed() != self._fixed:
+        if is_other and self._what_is_fixed() != self._fixed:
             self._leave("changes settings, rules or collectors")
 
     def _take_rng(self, rng: Generator) -> None:

@@ -16,7 +16,7 @@ from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
 from gamms.game.movement.roads import RoadMap
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import AgentBlock, show_column, show_flights, show_game, show_lives, show_progress
+from gamms.ir.agents import AgentBlock, show_column, show_flights, show_lives, show_progress
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
@@ -350,14 +350,14 @@ class PointedContext:
 
     def by_population(self, games: IntArray) -> IntArray:
         """Return the indices of some games, ordered so that games with the same agents follow each other."""
-        numbers = dict[Population | None, int]()
-        each = [numbers.setdefault(self.population_of[game], len(numbers)) for game in games.tolist()]
-        return np.argsort(each, kind="stable")
+        populations = [*map(self.population_of.__getitem__, games.tolist())]
+        numbers = {one: number for number, one in enumerate(dict.fromkeys(populations))}
+        return np.argsort([*map(numbers.__getitem__, populations)], kind="stable")
 
     def each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
-        for population, some in groupby(games.tolist(), lambda number: self.population_of[number] or self._first):
-            yield from self._each_with(population, np.array([*some], np.int64))
+        for population, some in groupby(games.tolist(), self.population_of.__getitem__):
+            yield from self._each_with(population or self._first, np.array([*some], np.int64))
 
     def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
         """Do the same as `each` for games with the same agents."""
@@ -367,19 +367,19 @@ class PointedContext:
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
         columns = self._nodes_of(population, games)
+        more = [(name, column[games][:, numbers]) for name, column in state.numbers.items()]
         row_of = {number: row for row, number in enumerate(numbers.tolist())}
-        lives = [one.tobytes() for one in state.alive[games][:, numbers]]
+        lives = self._lives(population, games)
         placed = self._placed(games)
         are_placed = np.any(placed, axis=1).tolist()
         roads = state.roads
         are_closed = roads.are_closed
         seeds = state.seeds
+        own = self._own
         headings = state.headings
+        flies = len(population.rows_in_air) > 0
         remembers = state.movement.remembers
-        if self.map_changes != self.map.changes():  # by a function that has raised
-            self._show_roads(None)
-        if self.has_other_agents():
-            self.show(population)
+        self._drop_changes(population)
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
             if self.population is not population:
@@ -387,14 +387,15 @@ class PointedContext:
             values.turn = played[at]
             values.delayed_looks = self.delayed_looks[number]
             values.departed = self.departed[number]
-            self._own["_seed"] = seeds[number]
+            own["_seed"] = seeds[number]
             turns.seed_changes += 1
-            show_game(block, columns, at)
-            if population.rows_in_air or headings[number] != self.headings:
+            columns.point(at)
+            if flies or headings[number] != self.headings:
                 self._show_poses(number)
             if lives[at] != self.alive:
                 self.show_lives(lives[at])
-            self._show_numbers(number)
+            for name, column in more:
+                show_column(block, name, column[at])
             if block.placed or are_placed[at]:
                 block.placed = set(np.flatnonzero(placed[at][numbers]).tolist())
             if remembers:
@@ -404,11 +405,18 @@ class PointedContext:
                 self._show_roads(roads.of(number))
             yield number
 
-    def _show_numbers(self, number: int) -> None:
-        """Show the additional numbers of agents in a game."""
-        shown = self.population
-        for name, column in self._state.numbers.items():
-            show_column(shown.block, name, column[number, shown.numbers])
+    def _drop_changes(self, population: Population) -> None:
+        """Undo what a function that has raised has changed of the map and the agents of the context."""
+        if self.map_changes != self.map.changes():
+            self._show_roads(None)
+        if self.has_other_agents():
+            self.show(population)
+
+    def _lives(self, population: Population, games: IntArray) -> list[bytes]:
+        """Return which agents live in each of some games, in the order of their rows."""
+        lives = self._state.alive[games][:, population.numbers].tobytes()
+        size = len(population.numbers)
+        return [lives[at * size : (at + 1) * size] for at in range(len(games))]
 
     def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
         """Return the current and previous nodes of agents in some games, in the order of their rows."""
