@@ -2,8 +2,9 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from copy import deepcopy
 from math import hypot
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from gamms import kernels
 from gamms.agent.carried_sensors import carried
@@ -317,6 +318,29 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """Move to a row of another block: the block of the context, or a new one to leave it; sensors stay."""
         self._row = block.take_over(self._block, self._row)
         self._block = block
+
+    def _copy_to(self, ctx: IContext, block: AgentBlock, memo: dict[int, Any]) -> Self:
+        """Return the view of the same row in a copy of the context; its attributes are not copied.
+
+        Args:
+            ctx: the copy.
+            block: the rows of its agents.
+            memo: the memo of `copy.deepcopy`, with the copies of sensors; gets the view.
+        """
+        kind = type(self)
+        twin = kind.__new__(kind)
+        memo[id(self)] = twin
+        sensors = {name: deepcopy(sensor, memo) for name, sensor in self._sensor_list.items()}
+        shared = tuple([deepcopy(sensor, memo) for sensor in self._shared])
+        near = deepcopy(self._near, memo)
+        last = [dict(self._last[0])]
+        values = phase_of(ctx), ctx, block, near, sensors, shared, (), last, self.strategy
+        for name, value in zip(_AT_FIRST, values, strict=True):
+            object.__setattr__(twin, name, value)  # NOTE: see `_begin`
+        object.__setattr__(twin, "_row", self._row)
+        if sensors:
+            twin._carry()
+        return twin
 
     def _last_state(self) -> Any:
         return self._last[0] or self._state_of(self._held_data())

@@ -36,7 +36,7 @@ from gamms.agent.teams import (
 from gamms.arguments import as_declared, as_member, as_name, misspelt, with_options
 from gamms.compat import Surface
 from gamms.core.copies import copied_values
-from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Guarded, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position
@@ -606,20 +606,10 @@ class AgentStorage(Guarded):
             if type(agent) is UncreatedMembers:
                 engine._agents[name] = memo[id(agent)]
                 continue
-            shared: dict[int, Any] = {
-                id(agent.__dict__): {},
-                id(agent._last): [dict(agent._last[0])],
-                id(agent._carried): (),
-                id(agent.strategy): agent.strategy,
-            }
-            memo |= shared
-            twin = copied_part(agent, memo)
-            engine._agents[agent.name] = twin
-            for key in shared:
-                del memo[key]
-            twin._carry()
-        for agent in other.made():  # after all copies exist, because attributes may refer to them
-            memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
+            engine._agents[name] = agent._copy_to(engine._ctx, block, memo)
+        for agent in stored.values():  # after all copies exist, because attributes may refer to them
+            if type(agent) is not UncreatedMembers and agent.__dict__:
+                memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
         """Hide the agents that are not `known`, in a copy of the game for agents that look ahead."""
