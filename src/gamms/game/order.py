@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
-from itertools import chain, compress, count
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -402,12 +402,16 @@ class TurnOrder:
             self.slots.restart_counts()
 
     def list_counts(self) -> None:
-        """Add the counted conflicts, and agents that have no counts yet, to the counts of the agents."""
+        """Add the counted conflicts, and agents that have taken part or live now, to the counts of the agents."""
         for i in np.flatnonzero(self.blocked).tolist():
             self.slots.counts_of(i)["blocked"] += int(self.blocked[i])
         self.blocked.fill(0)
-        for i in compress(count(), self.moving.has_begun):
-            self.slots.counts_of(i)
+        lives = self.block.alive
+        has_begun = self.moving.has_begun
+        is_present = self.entries == self.block.structure.entries
+        for i, row in enumerate(self.selection.rows):
+            if has_begun[i] or (is_present and lives[row]):
+                self.slots.counts_of(i)
 
 
 def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, Any]]) -> SensorCall:
