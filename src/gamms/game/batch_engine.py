@@ -544,46 +544,49 @@ class GamesOnOneMap:
             turn._close()
 
 
+class GivenAgents(NamedTuple):
+    """The agents with actions from outside, which are the same in all turns with actions for the same teams.
+
+    Attributes:
+        members: team -> the numbers of the agents that its actions are for.
+        is_given: (agents,) a mask of these agents.
+        takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
+        asks_at_arrivals: whether functions, or actions from outside, decide for agents on arrival.
+    """
+
+    members: Mapping[Hashable, IntArray]
+    is_given: BoolArray
+    takes: Sequence[BoolArray] | None
+    asks_at_arrivals: bool
+
+
 class TurnOfGames:
     """The turn that games of a batch play now.
 
     Args:
         playing: (games,) a mask of the games that are played.
         given: team -> the actions of its agents, which replace their decisions.
+        agents: the agents with these actions.
         threads: the number of threads.
-        members: team -> the numbers of the agents that its actions are for.
-        is_given: (agents,) a mask of the agents with an action from outside.
-        asks_at_arrivals: whether functions, or actions from outside, decide for agents on arrival.
 
     Attributes:
-        playing, given, threads, members, is_given, asks_at_arrivals: see the arguments.
+        playing, given, agents, threads: see the arguments.
         first: (games,) the first part of the turn that was not played before.
         begun: (games,) the number of parts of turns that were played before this turn.
-        takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
         in_part: (games,) a mask of the games that play the current part.
     """
 
     first: IntArray
     begun: IntArray
-    takes: Sequence[BoolArray] | None
     in_part: BoolArray
 
     def __init__(
-        self,
-        playing: BoolArray,
-        given: Mapping[Hashable, OutsideActions],
-        threads: int,
-        members: Mapping[Hashable, IntArray],
-        is_given: BoolArray,
-        *,
-        asks_at_arrivals: bool,
+        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], agents: GivenAgents, threads: int
     ) -> None:
         self.playing = playing
         self.given = given
+        self.agents = agents
         self.threads = threads
-        self.members = members
-        self.is_given = is_given
-        self.asks_at_arrivals = asks_at_arrivals
 
 
 class BatchEngine(TurnDriver):
@@ -661,6 +664,7 @@ class BatchEngine(TurnDriver):
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
         if all(type(movement) is Movement for movement in movements):
             self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
+        self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
         self._now: TurnOfGames
 
     def _find_games(self) -> None:
@@ -881,13 +885,24 @@ class BatchEngine(TurnDriver):
         self._state.failures.clear()
         for log in self._logs_of_turn:
             log.begin_turn()
+        teams = tuple((team, wanted.name) for team, wanted in given.items())
+        agents = self._given_agents.get(teams)
+        if agents is None:
+            agents = self._find_given(given)
+            self._given_agents[teams] = agents
+        self._now = TurnOfGames(playing, given, agents, threads)
+
+    def _find_given(self, given: Mapping[Hashable, OutsideActions]) -> GivenAgents:
+        """Return the agents that actions are for, team by team."""
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
         members = {team: wanted.agents(roster, team) for team, wanted in given.items()}
         for agents in members.values():
             is_given[agents] = True
-        at_arrivals = self._maps[0].asks_at_arrivals(is_given=len(given) > 0)
-        self._now = TurnOfGames(playing, given, threads, members, is_given, asks_at_arrivals=at_arrivals)
+        takes = None
+        if given or self._asks_functions:
+            takes = [one.takes_block(is_given) for one in self._maps]
+        return GivenAgents(members, is_given, takes, self._maps[0].asks_at_arrivals(is_given=len(given) > 0))
 
     def before(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
@@ -898,7 +913,7 @@ class BatchEngine(TurnDriver):
         for one, games in self._each(playing) if self._leaves_out else ():
             one.refuse_unlisted(games)
         now.playing = playing
-        if now.given and not now.asks_at_arrivals:
+        if now.given and not now.agents.asks_at_arrivals:
             self._take(playing, now.given)
         return True
 
@@ -910,9 +925,6 @@ class BatchEngine(TurnDriver):
         self._state.turning.clear()
         now.first = self._block.part.copy()
         now.begun = self._state.turn * self._num_parts
-        now.takes = None
-        if now.given or self._asks_functions:
-            now.takes = [one.takes_block(now.is_given) for one in self._maps]
         self.part = 0
         return 0
 
@@ -935,7 +947,7 @@ class BatchEngine(TurnDriver):
     def _play_core(self, playing: BoolArray, part: int, phase: int | None) -> None:
         """Play a phase of a part of the turn in the core; None: all phases; see `_play`."""
         now = self._now
-        self._play(playing, now.begun + part + 1, now.takes, now.threads, phase)
+        self._play(playing, now.begun + part + 1, now.agents.takes, now.threads, phase)
 
     def _decide(self, part: int) -> None:
         """Let the agents of a part of the turn observe and decide; if no function acts before the moves, play these."""
@@ -946,11 +958,11 @@ class BatchEngine(TurnDriver):
         play = partial(self._play_core, playing, part)
         for one, games in self._each(playing) if self._by_metres else ():
             one.leave_closed_edges(games, part)
-        if now.asks_at_arrivals:
+        if now.agents.asks_at_arrivals:
             self._play_arrivals(playing, part, play)
             return
         for one, games in self._each(playing) if self._asks_functions or self._state.flights is not None else ():
-            one.decide(games, part, now.is_given)
+            one.decide(games, part, now.agents.is_given)
         self._play_decisions(playing, part, partial(play, _DECIDE if self._acts else None))
 
     def _act(self, part: int) -> None:
@@ -976,7 +988,7 @@ class BatchEngine(TurnDriver):
     def _move(self, part: int) -> None:
         """Move the agents, unless the core has moved them after their decisions; then those that fly."""
         playing = self._now.in_part
-        if self._acts or self._now.asks_at_arrivals:
+        if self._acts or self._now.agents.asks_at_arrivals:
             self._play_core(playing, part, _MOVE)
         self._state.turn_agents()
         for one, games in self._each(playing) if self._state.flights is not None else ():
@@ -1005,7 +1017,7 @@ class BatchEngine(TurnDriver):
 
     def _ask_at_arrivals(self, playing: BoolArray, part: int) -> None:
         """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
-        is_given = self._now.is_given
+        is_given = self._now.agents.is_given
         here = np.zeros(self._state.node.shape, np.bool_)
         for one, games in self._each(playing):
             here[games] = one.core.deciding(games)
@@ -1020,10 +1032,10 @@ class BatchEngine(TurnDriver):
         if here is None and not self._has_rules_before:  # agents are where they were when the turn began
             for team in [team for team, wanted in given.items() if wanted.are_legal]:
                 wanted = checked.pop(team)
-                self._block.given[:, self._now.members[team]] = wanted.moves
+                self._block.given[:, self._now.agents.members[team]] = wanted.moves
         for state, games in self._by_legal_moves(playing) if checked else ():
             for team, wanted in checked.items():
-                agents = self._now.members[team]
+                agents = self._now.agents.members[team]
                 view = asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")

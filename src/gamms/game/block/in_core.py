@@ -760,6 +760,7 @@ class CoreGames:
         ]
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
+        self._given: BoolArray | None = None  # the agents whose actions were in the block last; see `prepare`
         streets = state.streets
         self._streets = streets.core_with_all_legal if isinstance(state.movement, AnyNodeMovement) else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
@@ -945,18 +946,20 @@ class CoreGames:
         """Prepare to play the games that `CoreColumns.until` selects.
 
         Args:
-            is_given: (agents,) a mask of the agents whose actions are in the block; the others decide. None: all
-                decide.
+            is_given: (agents,) a mask of the agents whose actions are in the block, which stays as it is; the others
+                decide. None: all decide.
             threads: how many play.
         """
         while len(self._made) < threads:
             self._made.append(self._player())
         self._take_roads()
-        self._deciding[:] = self._decides_by
-        if is_given is not None:
-            self._deciding[is_given] = moves.GIVEN
-        for movers in self._movers:
-            movers.sort_kinds()
+        if is_given is not self._given:
+            self._given = is_given
+            self._deciding[:] = self._decides_by
+            if is_given is not None:
+                self._deciding[is_given] = moves.GIVEN
+            for movers in self._movers:
+                movers.sort_kinds()
         self._made[0][1].refuse_unknown_agents()
         if self._by_steps is not None:
             self._games = np.flatnonzero(self._until)
