@@ -267,7 +267,7 @@ class Batch(Surface, Immutable, NotPickled):
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
             try:
                 with self._watched():
-                    self._play_turn(given, threads)
+                    self._play_turn(given, threads, before)
                 is_played = True
             except TurnInterrupted:
                 return False
@@ -276,11 +276,11 @@ class Batch(Surface, Immutable, NotPickled):
                     self._note(given if is_logged else {})
         return True
 
-    def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
+    def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int, turns: IntArray) -> None:
+        """Play one turn of the games, which have played `turns`, (games,)."""
         engine = self._engine
         separate = self._separate
-        going = separate.going if self._ran_from is None else []
-        turns = engine.turns()
+        going = separate.going if separate and self._ran_from is None else []
         separate.check(given if going else {})
 
         def play_others(leaving: dict[int, str]) -> None:
@@ -294,7 +294,7 @@ class Batch(Surface, Immutable, NotPickled):
                 engine.step(given, threads, play_others=play_others)
         except NewAgents as error:
             self._begin_with(error.agents)
-            self._play_turn(given, threads)
+            self._play_turn(given, threads, self._engine.turns())
 
     def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
         """Continue games in contexts of their own after `turns`, (games,), or after those before the current run."""
