@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,6 +105,14 @@ class AgentSlot:
             self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
         self.counts = game.state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
+    def copy_for(self, agent: IAgent) -> "AgentSlot":
+        """Return the same slot for the copy of the agent in a copied game."""
+        twin = AgentSlot.__new__(AgentSlot)
+        for name, value in zip(self.__slots__, _values_of(self), strict=True):
+            setattr(twin, name, value)
+        twin.agent = agent
+        return twin
+
     def holds(self, agent: IAgent, access: TurnAccess) -> bool:
         """Return whether the slot is still valid for an agent of this game, perhaps in another row."""
         is_own = self.agent is agent and self.last is access.last
@@ -191,6 +200,9 @@ class AgentSlot:
             self.draws.go_to(draws)
         if rng is not None or self._rng is not None:
             self.rng.go_to(rng)
+
+
+_values_of = attrgetter(*AgentSlot.__slots__)
 
 
 class Slots(Sequence[AgentSlot]):
@@ -374,16 +386,13 @@ class Slots(Sequence[AgentSlot]):
         """
 
         def make(name: str, departed: IAgent | None) -> AgentSlot:
-            slot = copy(self._make(name, departed))
-            slot.agent = agents.agents.get(name, slot.agent)
-            return slot
+            slot = self._make(name, departed)
+            return slot.copy_for(agents.agents.get(name, slot.agent))
 
         twin = copy(self)
         twin._make = make
         twin._agents = agents.storage
-        twin._made = [None if slot is None else copy(slot) for slot in self._made]
-        for slot in twin.made():
-            slot.agent = twin_of(slot.agent)
+        twin._made = [None if slot is None else slot.copy_for(twin_of(slot.agent)) for slot in self._made]
         return twin
 
 

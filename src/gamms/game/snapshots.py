@@ -197,7 +197,9 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     """
     source.turns.update_counts()
     for agent in source.ctx.agent.storage.made():
-        memo[id(agent)].decide_by(own(agent.strategy, memo))
+        strategy = own(agent.strategy, memo)
+        if strategy is not agent.strategy:
+            memo[id(agent)].decide_by(strategy)
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
     for name, copy_of in COPY_OF.items():
@@ -223,14 +225,17 @@ def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **other
     for sensor in target.ctx.sensor.sensors.values():
         if getattr(sensor, "function", None) is not None:
             sensor.function = own(sensor.function, memo)
+    defaults = target.settings.settings()
     settings = {**source.settings.settings(), **others}
-    target.settings.configure({name: own(value, memo) for name, value in settings.items()})
+    given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
+    target.settings.configure(given)
     target.rules.replace(tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules]))
 
 
 def _renew_states(target: SnapshotTaker) -> None:
     """Insert the memories and random streams of the fork into the last states of its agents."""
     order = target.turns.order()
+    fork = PrivateForks(target.ctx)
     for agent in target.ctx.agent.storage.made():
         name = agent.name
         state = cast("dict[str, Any]", agent.state)
@@ -238,7 +243,7 @@ def _renew_states(target: SnapshotTaker) -> None:
             slot = order.slots[order.index_of[name]] if agent.alive and name in order.index_of else None
             state["memory"] = target.state.memory_of(name)
             state["team_memory"] = copied(state.get("team_memory"))
-            state["fork"] = PrivateForks(target.ctx)
+            state["fork"] = fork
             for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
                 if value is None:
                     state.pop(key, None)
@@ -252,7 +257,9 @@ def own(value: object, memo: Memo) -> Any:
     A function that closes over the context, an agent or another part of the game is rebound to the parts of the fork;
     other objects that it holds are shared. Objects are copied; objects that cannot be copied are shared.
     """
-    if value is None or isinstance(value, (FunctionType, MethodType, partial)):
+    if type(value) in _SCALARS:
+        return value
+    if isinstance(value, (FunctionType, MethodType, partial)):
         return _rebound(value, memo)
     trial = dict(memo)
     try:
