@@ -162,6 +162,89 @@ def test_objects_are_copied_and_what_cannot_be_copied_is_shared(grid):
         assert agent.meta is not None
 
 
+def closed_over(ctx):
+    """Return a rule and a strategy that close over the context, and what they have seen of it."""
+    noted = []
+
+    def rule(ctx_of_rule):
+        noted.append(ctx_of_rule is ctx)
+        ctx.game.data["turns"] = ctx.game.data.get("turns", 0) + 1
+
+    def strategy(state):
+        noted.append(ctx.agent.get_agent("closed").state is state)
+        state["memory"].setdefault("nodes", []).append(state["curr_pos"])
+        state["action"] = state["curr_pos"]
+
+    return rule, strategy, noted
+
+
+def change_everything(ctx):
+    """Change what a program can change of a game between two turns."""
+    agent = ctx.agent.get_agent("closed")
+    agent.current_node_id = 8
+    agent.energy["left"].append(0)
+    agent.state["memory"]["nodes"].append("changed")
+    agent.state["team_memory"]["changed"] = True
+    agent.strategy = wander
+    ctx.sensor.get_sensor("eyes").range = 1.0
+    ctx.game.data["turns"] = -1
+    ctx.game.scores["red"] = 7
+    ctx.game.max_turns = 99
+    ctx.game.default_action = 0
+    ctx.game.remove("rule")
+    ctx.agent.create_agent("late", start_node_id=0)
+
+
+@pytest.mark.parametrize("is_original", [True, False])
+def test_a_fork_and_its_game_show_nothing_of_later_changes_of_each_other(grid, is_original):
+    with grid() as ctx:
+        rule, strategy, noted = closed_over(ctx)
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=15)
+        agent = ctx.agent.create_agent("closed", start_node_id=4, team="red", sensors=["eyes"], strategy=strategy)
+        agent.energy = {"left": [1, 2]}
+        ctx.game.add(rule)
+        ctx.game.run(2)
+        fork = ctx.game.fork(1)
+        changed, other = (ctx, fork.ctx) if is_original else (fork.ctx, ctx)
+        before = copy.deepcopy(seen(other.game))
+        change_everything(changed)
+        twin = other.agent.get_agent("closed")
+        assert seen(other.game) == before
+        assert twin.energy == {"left": [1, 2]}
+        assert twin.state["memory"] == {"nodes": [4, 4]}
+        assert "changed" not in twin.state["team_memory"]
+        assert other.sensor.get_sensor("eyes").range == 15.0
+        assert (other.game.max_turns, other.game.default_action) == (None, "stay")
+        noted.clear()
+        other.game.run(1)
+        assert noted == [True, True]
+        assert other.game.data["turns"] == 3
+
+
+def test_a_fork_is_played_on_with_the_memories_in_the_states_of_its_agents(grid):
+    with grid() as ctx:
+        _, strategy, _ = closed_over(ctx)
+        ctx.agent.create_agent("closed", start_node_id=4, team="red", strategy=strategy)
+        ctx.game.run(1)
+        twin = ctx.game.fork(1).ctx.agent.get_agent("closed")
+        memory = twin.state["memory"]
+        twin._ctx.game.run(1)
+        assert twin.state["memory"] is memory
+        assert memory == {"nodes": [4, 4]}
+        assert ctx.agent.get_agent("closed").state["memory"] == {"nodes": [4]}
+
+
+def test_agents_of_a_fork_share_the_sensors_that_agents_share(grid):
+    with grid() as ctx:
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=15)
+        for name in ("a", "b"):
+            ctx.agent.create_agent(name, start_node_id=0, sensors=["eyes"], strategy=wander)
+        agents = ctx.game.fork(1).ctx.agent.agents
+        assert agents["a"].sensors["eyes"] is agents["b"].sensors["eyes"]
+        assert agents["a"].get_state()["sensor"]["eyes"][1].keys() == {"b"}
+        assert agents["b"].get_state()["sensor"]["eyes"][1].keys() == {"a"}
+
+
 def test_sensors_of_a_fork_are_its_own(grid):
     with grid() as ctx:
         looks = []
