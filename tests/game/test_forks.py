@@ -163,7 +163,7 @@ def test_objects_are_copied_and_what_cannot_be_copied_is_shared(grid):
 
 
 def closed_over(ctx):
-    """Return a rule and a strategy that close over the context, and what they have seen of it."""
+    """Return a rule and a strategy that close over the context, and the list of their observations of it."""
     noted = []
 
     def rule(ctx_of_rule):

@@ -116,7 +116,7 @@ class TurnPart:
     # NOTE: what follows is made when agents are asked, not if the core decides for them (w9 first).
 
     def begin_more(self) -> None:
-        """Make again what is made for each agent: some take part for the first time."""
+        """Forget the data of agents, which are made when they first take part: some do so now."""
         self.in_core = None
         for name in ("_group_teams", "observing", "asked", "see_world_only", "individuals"):
             self.__dict__.pop(name, None)

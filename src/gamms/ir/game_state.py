@@ -183,7 +183,8 @@ class BlockedAgents(MutableMapping[str, str]):
                 left.append((known, agents, places))
             elif takes_part is not None:
                 rest = [(i, place) for i, place in zip(agents, places, strict=True) if not takes_part[i]]
-                left.append((known, [i for i, _ in rest], [place for _, place in rest]))
+                if rest:
+                    left.append((known, [i for i, _ in rest], [place for _, place in rest]))
         self.stopped = left
 
     def copied(self) -> "BlockedAgents":

@@ -103,7 +103,7 @@ def data(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscripta
 
 
 class TurnArrays:
-    """The arrays in which the core takes the actions of learners, and writes what they get.
+    """The arrays in which the core takes the actions of learners, and writes their rewards and ends.
 
     Args:
         shape: the numbers of games and agents.

@@ -347,7 +347,7 @@ class BatchSimulator:
         rest = -np.dtype(fields).itemsize % 8
         self._record = np.dtype([*fields, ("rest of the last word", np.dtype(np.uint8), (rest,))])
         load_columns(self._batch, self._start, 0, {}, slice(None))
-        return self._as_states(self._batch.columns(), self._batch.scores, slice(0, 1))
+        return self._read_states(self._batch.columns(), self._batch.scores, slice(0, 1))
 
     def places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
@@ -398,7 +398,7 @@ class BatchSimulator:
         for number, team in enumerate(batch.teams):
             gains[:, number] = scores[team][games] - before.get(team, 0.0)
         winner = np.where(batch.is_over | is_last, find_winners(batch), GOES_ON)[games]
-        return TurnResults(self._as_states(batch.columns(), scores, games), gains, winner)
+        return TurnResults(self._read_states(batch.columns(), scores, games), gains, winner)
 
     def _load(self, states: States, rows: IntArray, games: slice, turn: int, more: float) -> dict[Any, FloatArray]:
         """Load the states in these rows into games of the batch, with so much more points.
@@ -415,7 +415,7 @@ class BatchSimulator:
         load_columns(self._batch, columns, turn, scores, games)
         return scores
 
-    def _as_states(self, columns: Columns, scores: Mapping[Any, FloatArray], games: slice) -> States:
+    def _read_states(self, columns: Columns, scores: Mapping[Any, FloatArray], games: slice) -> States:
         """Return the states of games of the batch from its columns and scores."""
         values = [*map(columns.__getitem__, self._start), *map(scores.__getitem__, self._scored)]
         records = np.zeros(len(self._batch), self._record)[games]
@@ -464,7 +464,7 @@ class ContextSimulator:
     def start(self) -> States:
         """Return the state in which the game begins."""
         self._game.restore(self._start)
-        return self._as_states([self._now()])
+        return self._read_states([self._now()])
 
     def places(self, states: States) -> tuple[IntArray, BoolArray]:
         """Return the ids of the agents' nodes, and whether they are alive, (states, agents) each."""
@@ -503,7 +503,7 @@ class ContextSimulator:
             gains.append([game.scores[team] - points for team, points in zip(teams, before, strict=True)])
             winners.append(self._winner())
             moments.append(self._now())
-        return TurnResults(self._as_states(moments), np.array(gains, np.float64), np.array(winners))
+        return TurnResults(self._read_states(moments), np.array(gains, np.float64), np.array(winners))
 
     def _restore(self, snapshot: Snapshot, turn: int, shift: Perturbation) -> None:
         game = self._game
@@ -544,7 +544,7 @@ class ContextSimulator:
         key = repr(as_sorted((nodes, living, covered, roads, state.data, memories, facts, scores))).encode()
         return _CapturedState(key, nodes, living, snapshot)
 
-    def _as_states(self, moments: "Sequence[_CapturedState]") -> States:
+    def _read_states(self, moments: "Sequence[_CapturedState]") -> States:
         records = []
         for one in moments:
             if one.key not in self._numbers:
