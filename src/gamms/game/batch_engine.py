@@ -137,24 +137,25 @@ class GamesOnOneMap:
         observing = np.flatnonzero(self._observing).tolist()
         self._is_asked = np.isin(np.arange(len(roster.names)), asked)
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
+        has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
         self._initial = InitialState(game, state, block, games)
         self._put_own(games)
         carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         note_sensors(state, with_nodes=any(map(turns_with_agent, carried)))
-        pointed = PointedContext(game, state)
-        state.look = partial(look, game, state, pointed)
-        state.change_roads = pointed.change_roads
+        self._pointed = PointedContext(game, state, own.first)
+        state.look = partial(look, game, state, self._pointed)
+        state.change_roads = self._pointed.change_roads
         state.facts.update(game.facts)
         self._prepare(rules)
         self.core = CoreGames(
             game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
         )
-        self.cursor: Cursor | None = None
-        if calls_each:
-            has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-            self.cursor = Cursor(
-                game, pointed, state, self.core, asked, observing, own.first, has_array_functions=has_arrays
-            )
+        self.cursor = (
+            Cursor(game, self._pointed, state, self.core, asked, observing, has_array_functions=has_arrays)
+            if calls_each
+            else None
+        )
+        self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
@@ -211,8 +212,7 @@ class GamesOnOneMap:
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._initial.put(self.state, self._block, games)
         self._put_own(games)
-        if self.cursor is not None:
-            self.cursor.forget(games)
+        self._pointed.forget(games)
 
     def _put_own(self, games: IntArray) -> None:
         """Set the scores, events and open roads that differ between games at their start."""

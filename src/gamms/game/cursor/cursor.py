@@ -1,9 +1,7 @@
 """Calls plain rules and strategies in a context that is pointed at each game of a batch in turn."""
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple, NoReturn
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gamms.core.ask import hold
-from gamms.core.copies import copied, copied_filled, copied_values
+from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
@@ -23,7 +21,6 @@ from gamms.game.block.columns import (
     NewAgents,
     PlayedGame,
     decider_of,
-    kept_in,
     sensors_of,
 )
 from gamms.game.block.in_core import CoreGames, called_rules
@@ -33,8 +30,8 @@ from gamms.game.cursor.called_functions import (
     functions_of_rules,
     keys_in_core,
 )
-from gamms.game.cursor.own_functions import FirstValues, FunctionPerGame, some_function
-from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, StartOfGame
+from gamms.game.cursor.own_functions import FunctionPerGame, some_function
+from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
 from gamms.game.movement.courses import Routes
@@ -65,8 +62,6 @@ from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 from gamms.typing.agent_engine import IAgent
 
-_OWN = ("agent_facts", "departed", "over", "start", "team_facts", "team_memories")
-_PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
 _EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
@@ -96,29 +91,16 @@ class _AskedAgents(NamedTuple):
 
 
 class _StartValues(NamedTuple):
-    """The values with which games begin; see `GameState`.
-
-    Attributes:
-        turn, moves, counts, blocked: the number of turns played, and the data of agents in them.
-        memories, team_memories: the memories of agents and teams.
-        private_facts: the facts of agents and those of teams.
-    """
+    """The values with which games begin; see `GameState`."""
 
     turn: int
     moves: TurnMoves | None
     counts: dict[str, dict[str, int]]
-    blocked: dict[str, str]
-    memories: dict[str, dict[Any, Any]]
-    team_memories: dict[Any, dict[Any, Any]]
-    private_facts: _PrivateFacts
 
     @classmethod
     def of(cls, state: GameState) -> "_StartValues":
         """Return the values with which the game of a context begins."""
-        memories = {name: memory for name, memory in state.memories.items() if memory}
-        counts = {name: each.copy() for name, each in state.counts.items()}
-        private_facts = state.agent_facts, state.team_facts
-        return cls(state.turn, state.moves, counts, {**state.blocked}, memories, state.team_memories, private_facts)
+        return cls(state.turn, state.moves, {name: each.copy() for name, each in state.counts.items()})
 
 
 class _StreamPositions(NamedTuple):
@@ -181,7 +163,6 @@ class Cursor:
         core: plays the games in the core.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the numbers of agents whose sensors are called in each turn.
-        first_values: the start values of each game; empty: all games begin with the same.
         has_array_functions: whether array functions are called, too.
 
     Attributes:
@@ -204,7 +185,6 @@ class Cursor:
         core: CoreGames,
         asked: Sequence[int],
         observing: Sequence[int],
-        first_values: Sequence[FirstValues | None],
         *,
         has_array_functions: bool,
     ) -> None:
@@ -228,7 +208,6 @@ class Cursor:
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
-        self._first_values = first_values
         of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
         of_sensors = [
             getattr(one, "function", None) for agent in state.roster.agents for one in sensors_of(agent).values()
@@ -240,31 +219,19 @@ class Cursor:
             *map(some_function, deciders),
             *(one.fn for one in collectors),
         ]
-        # of each game, as Python objects
-        games = range(len(state))
-        self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
-        self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
-        self._nothing_private: _PrivateFacts = ({}, {})  # of games without such facts
-        self._private_facts: list[_PrivateFacts | None] = [None for _ in games]  # None: there are none
-        self._attributes: list[list[dict[str, Any]] | None] = [None for _ in games]  # None: as at the start
-        self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
-        self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
-        self._collectors: list[Collectors] = [parts.collectors for _ in games]
-        self._inboxes: dict[int, Inboxes] = {}  # where there are channels
         self._asked_agents = frozenset(asked)
         self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
-        self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first = _StartValues.of(parts.state)
+        asked_names = {state.roster.names[number] for number in asked}
+        pointed.at_start.undone = {name: why for name, why in parts.state.blocked.items() if name in asked_names}
         self._new_agents: list[IAgent] = []  # that have no rows
-        self._start = parts.state.start
-        self._rngs: list[Generator | None] = [None for _ in games]  # `ctx.rng` of each game; None: it was not used
-        self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
-        self.forget(np.arange(len(state)))
+        self._row: RowValues | None = None  # of the game that is shown
+        self._has_ended = False  # whether a function has ended the game
 
     @property
     def number(self) -> int:
         """The number of the game that the context is pointed at; -1: none."""
-        return self._number
+        return self._pointed.number
 
     @property
     def is_asking(self) -> bool:
@@ -280,7 +247,7 @@ class Cursor:
         values = self._values
         self._pointed.hold()
         self._has_begun = True
-        self._kept = {name: getattr(values, name) for name in _OWN}
+        self._kept_start = values.start
         self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
         self._looks = self._no("what agents have sensed")
         self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
@@ -291,8 +258,8 @@ class Cursor:
         self._own_of_ctx = vars(self._ctx)
         self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
         values.__class__ = PointedState
-        reading = self._read_field, self._replace_data, self._began, self._memory_of
-        values.start = StartOfGame(*reading, self._leave)
+        values.start = StartOfGame(self._read_field, self._own_row, self._end, self._replace_data, self._leave)
+        self._pointed.reads_rows = True
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
@@ -300,9 +267,9 @@ class Cursor:
         self._show_facts(None)
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
         self._is_public = True  # whether that is the order of agents that know the same facts
-        self._private_shown: _PrivateFacts | None = None
-        self._read = dict[str, Any]()
-        self._number = -1
+        self._read = self._pointed.read
+        self._pointed.number = -1
+        self._row = None
         self._fixed = self._what_is_fixed()
         self._note_epoch()
 
@@ -315,6 +282,7 @@ class Cursor:
         self._first_attributes = [copied_values(vars(one)) for one in self._agents]
         self._are_shared = is_plain(self._first_attributes)  # those of games that have not read any that may change
         self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
+        self._attributes = self._shared_attributes  # of the game; shown unless `_attributes_shown` differs
         self._attributes_shown = self._shared_attributes
 
     def release(self) -> None:
@@ -325,8 +293,8 @@ class Cursor:
         values = self._values
         turns = self._turns
         values.__class__ = GameState
-        for name, value in self._kept.items():
-            setattr(values, name, value)
+        values.start = self._kept_start
+        self._pointed.reads_rows = False
         values.has_begun = False
         values.began = {}
         values.last_turn = None
@@ -353,7 +321,7 @@ class Cursor:
 
     def _let_leave(self) -> None:
         """Stop playing the current game here, and restore the context."""
-        self._state.leave(np.array([self._number]), self._why)
+        self._state.leave(np.array([self._pointed.number]), self._why)
         self._why = ""
         turns = self._turns
         is_moving = turns.is_moving
@@ -442,40 +410,62 @@ class Cursor:
 
     def _show_values(self, number: int) -> None:
         """Show the values in Python of the game that the context is pointed at."""
-        values = self._values
         pointed = self._pointed
-        self._number = number
+        row = pointed.rows[number]
         if pointed.population is not self._population:
             self._take_shown()
         for own in self._own_functions:
             own.number = number
-        self._read.clear()
-        self._own_of_ctx["_rng"] = self._rngs[number]
-        values.team_memories = self._team_memories[number]
-        over = self._state.over[number]
-        values.over = over
-        self._over = over
-        private = self._private_facts[number]
-        is_public = private is None or not any(private)
-        private = private or self._nothing_private
-        if private is not self._private_shown:
-            self._private_shown = private
-            values.agent_facts, values.team_facts = private
-        if self._alive is None or is_public != self._is_public:
+        if row is not None or self._row is not None or not self._are_shared:
+            self._show_row(number, row)
+        if self._alive is None:
             self._take_order()
         elif pointed.alive != self._alive:
             self._alive = pointed.alive
             self._ordered.order.take_lives()
         if self._state.radio is not None:
-            self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
-        facts = self._facts_of[number]
-        if facts is not self._facts_own:
-            self._show_facts(facts)
-        attributes = self._attributes[number] or self._begin_attributes(number)
-        if attributes is not self._attributes_shown:
-            self._show_attributes(attributes)
+            self._show_inboxes()
+        if self._attributes_shown is not self._attributes:
+            self._show_attributes(self._attributes)
         if self._phase.epoch != self._epoch:
             self._note_epoch()
+
+    def _show_row(self, number: int, row: RowValues | None) -> None:
+        """Show what Python holds of a game; None: as at the start."""
+        if row is None and not self._are_shared:
+            row = self._pointed.row_of(number)
+        self._row = row
+        self._own_of_ctx["_rng"] = None if row is None else row.rng
+        is_public = row is None or not (row.agent_facts or row.team_facts)
+        if is_public != self._is_public:
+            self._is_public = is_public
+            self._alive = None
+        facts = None if row is None else row.facts
+        if facts is not self._facts_own:
+            self._show_facts(facts)
+        if row is None or row.attributes is None:
+            self._attributes = self._begin_attributes(row)
+        else:
+            self._attributes = row.attributes
+
+    def _show_inboxes(self) -> None:
+        """Show the inboxes of the agents of a game."""
+        row = self._own_row()
+        if row.inboxes is None:
+            row.inboxes = Inboxes(self._ctx, self._values)
+        self._turns.inboxes = row.inboxes
+
+    @property
+    def _undone(self) -> Mapping[str, str]:
+        """Agent -> why it did not do what it wanted in the last turn of the game, but for conflicts."""
+        row = self._pointed.rows[self._pointed.number]
+        return self._pointed.at_start.undone if row is None else row.undone
+
+    def _own_row(self) -> RowValues:
+        """Return what Python holds of the game that the context is pointed at; it is made if there is none."""
+        row = self._pointed.row_of(self._pointed.number)
+        self._row = row
+        return row
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
         """Show the facts of a game; None: the facts published before the batch."""
@@ -484,13 +474,12 @@ class Cursor:
         self._facts.clear()
         self._facts.update(self._facts_shown)
 
-    def _begin_attributes(self, number: int) -> list[dict[str, Any]]:
+    def _begin_attributes(self, row: RowValues | None) -> list[dict[str, Any]]:
         """Return the attributes with which the agents of a game begin."""
-        if self._are_shared:
+        if self._are_shared or row is None:
             return self._shared_attributes
-        attributes = [copied_values(own) for own in self._first_attributes]
-        self._attributes[number] = attributes
-        return attributes
+        row.attributes = [copied_values(own) for own in self._first_attributes]
+        return row.attributes
 
     def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
         """Set the custom attributes of the agents."""
@@ -500,67 +489,23 @@ class Cursor:
 
     def _own_attributes(self) -> None:
         """Give the game its own attributes before one is read that may change in place."""
-        if self._attributes[self._number] is None:
-            own = copied(self._attributes_shown)
-            self._attributes[self._number] = own
-            self._show_attributes(own)
+        row = self._own_row()
+        if row.attributes is None:
+            row.attributes = copied(self._attributes_shown)
+            self._attributes = row.attributes
+            self._show_attributes(row.attributes)
 
     def _take_attributes(self) -> None:
         """Store the attributes that a function has set in a game."""
-        if self._attributes[self._number] is None:
-            self._attributes[self._number] = self._attributes_shown
+        row = self._own_row()
+        if row.attributes is None:
+            row.attributes = self._attributes_shown
+            self._attributes = row.attributes
             self._shared_attributes = copied(self._first_attributes)
-
-    def forget(self, games: IntArray) -> None:
-        """Reset some games to their start."""
-        self._pointed.forget(games)
-        first = self._first
-        asked = {self._state.roster.names[number] for number in self._asked_agents}
-        undone = {name: why for name, why in first.blocked.items() if name in asked}
-        for number in games.tolist():
-            self._data[number] = None
-            self._facts_of[number] = None
-            self._attributes[number] = None
-            self._rngs[number] = self._first_rng(number)
-            private_facts = first.private_facts
-            own = self._first_values[number] if self._first_values else None
-            if own is not None:
-                self._data[number] = self._copy_of_data(
-                    {key: one for key, one in own.data.items() if key not in self._core_keys}
-                )
-                self._facts_of[number] = dict(own.facts)
-                self._attributes[number] = [copied_values(one) for one in own.attributes]
-                private_facts = own.agent_facts, own.team_facts
-            self._private_facts[number] = copied(private_facts) if any(private_facts) else None
-            self._memories[number] = defaultdict(dict, copied(first.memories))
-            self._team_memories[number] = copied(first.team_memories)
-            self._collectors[number] = self._new_collectors()
-            self._undone[number] = undone.copy()
-            self._inboxes.pop(number, None)
-
-    def _first_rng(self, number: int) -> Generator | None:
-        """Return `ctx.rng` of a new game; None: it is created on first use."""
-        state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
-        if state is None:
-            return None
-        rng: Generator = self._ctx.stream("context")
-        rng.bit_generator.state = state
-        return rng
-
-    def _new_inboxes(self) -> Inboxes:
-        """Return the inboxes of the agents of a game."""
-        return Inboxes(self._ctx, self._values)
-
-    def _new_collectors(self) -> Collectors:
-        """Return the collectors of a game that begins."""
-        collectors = Collectors()
-        collectors.copy_from(self._parts.collectors, _itself)
-        return collectors
 
     def _take_order(self) -> None:
         """Use the turn order of the agents of the game, and let the living ones take part."""
         self._alive = self._pointed.alive
-        self._is_public = not any(self._private_shown or self._nothing_private)
         self._ordered = self._cached.order_of(self._is_public)
         self._turns.take_order(self._ordered.order)
         self._ordered.order.take_lives()
@@ -591,14 +536,23 @@ class Cursor:
         return read[name]
 
     def _make_data(self) -> dict[Any, Any]:
-        number = self._number
-        data = self._data[number]
-        if number not in self._data_before:
-            self._data_before[number] = None if data is None else self._copy_of_data(data)
-        if data is None:
-            data = self._copy_of_data(self._first_data)
-            self._data[number] = data
-        return data
+        row = self._own_row()
+        if row.data is None:
+            row.data = self._copy_of_data(self._first_data)
+        elif self._core_keys and type(row.data) is not GuardedDict:  # of a game that begins with other data
+            row.data = self._copy_of_data({key: one for key, one in row.data.items() if key not in self._core_keys})
+        return row.data
+
+    def _make_over(self) -> dict[str, Any] | None:
+        return self._state.over[self._pointed.number]
+
+    def _end(self, over: dict[str, Any] | None) -> None:
+        """End the game that the context is pointed at."""
+        number = self._pointed.number
+        self._state.over[number] = over
+        self._state.is_going[number] = over is None
+        self._read["over"] = over
+        self._has_ended = True
 
     def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
         values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
@@ -610,54 +564,47 @@ class Cursor:
     def _replace_data(self, data: dict[Any, Any]) -> None:
         if self._core_keys:
             self._leave("replaces ctx.game.data")
-        self._make_data()
-        self._data[self._number] = data
+        self._own_row().data = data
         self._read["data"] = data
 
-    def _began(self) -> dict[str, Any]:
+    def _make_began(self) -> dict[str, Any]:
         state = self._state
-        begun = np.flatnonzero(state.start[self._number] >= 0)
-        nodes = state.streets.ids(state.start[self._number, begun]).tolist()
+        begun = np.flatnonzero(state.start[self._pointed.number] >= 0)
+        nodes = state.streets.ids(state.start[self._pointed.number, begun]).tolist()
         starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
         if state.flights is not None:
-            places = map(tuple, state.flights.start[self._number].tolist())
+            places = map(tuple, state.flights.start[self._pointed.number].tolist())
             flying = zip((state.roster.names[i] for i in state.flights.agents), places, strict=True)
             starts |= {name: place for name, place in flying if name in starts}
         return starts
 
-    _make_began = _began
-
-    def _memory_of(self, name: str) -> dict[Any, Any]:
-        """Return the writable memory of an agent in the game that the context is pointed at."""
-        return self._memories[self._number].setdefault(name, {})
-
     def _make_scores(self) -> Scores:
-        self._scores_before = self._state.scores.of(self._number)
+        self._scores_before = self._state.scores.of(self._pointed.number)
         scores = Scores()
         dict.update(scores, self._scores_before)
         return scores
 
     def _make_events(self) -> list[dict[str, Any]]:
-        found = self._state.events.of(self._number)
+        found = self._state.events.of(self._pointed.number)
         self._num_events = len(found)
         return found
 
     def _make_messages(self) -> list[dict[str, Any]]:
         radio = self._state.radio
-        found = [] if radio is None else radio.of(self._number)
+        found = [] if radio is None else radio.of(self._pointed.number)
         self._num_messages = len(found)
         return found
 
     def _make_deeds(self) -> list[dict[str, Any]]:
         log = self._state.deed_log
-        return [] if log is None else log.of(self._number)
+        return [] if log is None else log.of(self._pointed.number)
 
     def _make_errors(self) -> list[dict[str, Any]]:
-        return self._state.errors[self._number]
+        return self._state.errors[self._pointed.number]
 
     def _make_counts(self) -> dict[str, dict[str, int]]:
         state = self._state
-        columns = {kind: state.counts[kind][self._number].tolist() for kind in COUNTED}
+        columns = {kind: state.counts[kind][self._pointed.number].tolist() for kind in COUNTED}
         names = enumerate(state.roster.names)
         return self._first.counts | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
 
@@ -667,10 +614,11 @@ class Cursor:
     def _make_moves(self) -> TurnMoves | None:
         """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
         part = self._part
-        games = np.array([self._number])
+        number = self._pointed.number
+        games = np.array([number])
         if part is not None:
             return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
-        if self._state.turn[self._number] == self._first.turn and not self._core.num_played_parts(self._number):
+        if self._state.turn[number] == self._first.turn and not self._core.num_played_parts(number):
             return self._first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
         if not took_part.any():
@@ -682,13 +630,14 @@ class Cursor:
     @property
     def _moment(self) -> tuple[int, int | None, bool]:
         """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
-        return int(self._state.turn[self._number]), self._part, self._have_joined
+        return int(self._state.turn[self._pointed.number]), self._part, self._have_joined
 
     def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
         """Return the moves of the agents that took part."""
-        moment, population = self._pointed.moved.get(self._number, (None, self._population))
-        if moment != self._moment:
-            population = self._population
+        population = self._population
+        moved = None if self._row is None else self._row.moved
+        if moved is not None and moved[0] == self._moment:
+            population = moved[1]
         order = self._order_of(population)
         ids = self._state.streets.ids
         courses = self._core.courses
@@ -703,14 +652,14 @@ class Cursor:
         paths = None
         if courses is not None:
             standing = np.where((acting < 0) & took_part, numbers, -1)
-            paths = courses.game_paths(self._number, acting, standing, starts)
+            paths = courses.game_paths(self._pointed.number, acting, standing, starts)
         first = ids(starts).tolist()
         if self._state.flights is not None:
-            actions = self._state.flights.actions(self._number, acting, first)
+            actions = self._state.flights.actions(self._pointed.number, acting, first)
         lives = took_part.tobytes()
         moves = TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
         if self._state.deed_log is not None:
-            for number, deeds in self._state.deed_log.plain_of(self._number).items():
+            for number, deeds in self._state.deed_log.plain_of(self._pointed.number).items():
                 if number in numbers[took_part] and self._part in (None, self._core.part_of[number]):
                     moves.do(int(np.searchsorted(numbers, number)), deeds)
         return moves
@@ -722,7 +671,7 @@ class Cursor:
         self._call_each(self._check, games, part=part)
 
     def _check(self) -> None:
-        number = self._number
+        number = self._pointed.number
         moves = self._read_field("moves")
         log = self._state.deed_log
         part_of = self._core.part_of
@@ -757,7 +706,7 @@ class Cursor:
         for i in self._turns.cut_off(moves):
             agent = self._number_of[moves.slots[i].name]
             self._hold(agent)
-            self._note_undone(self._number, agent, CLOSED)
+            self._note_undone(self._pointed.number, agent, CLOSED)
 
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function, in these games."""
@@ -769,7 +718,7 @@ class Cursor:
         for i, end in zip(*self._turns.stop_losers(moves), strict=True):
             agent = self._number_of[moves.slots[i].name]
             self._hold(agent)
-            self._core.note_conflict(self._number, agent, end)
+            self._core.note_conflict(self._pointed.number, agent, end)
         self._refuse_other_agents("the function of conflicts")
 
     def begin_arrivals(self) -> None:
@@ -782,7 +731,7 @@ class Cursor:
 
     def _give_way_at_arrivals(self) -> None:
         order = self._ordered.order
-        number = self._number
+        number = self._pointed.number
         agents = [self._number_of[name] for name in order.names]
         before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
         for i, _ in self._turns.losers_between(order, before, after):
@@ -797,14 +746,14 @@ class Cursor:
 
     def _hold(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at, and count it."""
-        self._state.counts["blocked"][self._number, agent] += 1
+        self._state.counts["blocked"][self._pointed.number, agent] += 1
         self._cancel(agent)
 
     def _cancel(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at."""
-        self._core.hold(self._number, agent)
+        self._core.hold(self._pointed.number, agent)
         if self._state.flights is not None:
-            self._state.flights.hold(self._number, agent)
+            self._state.flights.hold(self._pointed.number, agent)
 
     def _refuse_other_agents(self, what: str) -> None:
         if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self._journal.log):
@@ -827,11 +776,16 @@ class Cursor:
             self._call_each(self._collect, games[is_due], "a collector")
 
     def _collect(self) -> None:
-        self._collectors[self._number].collect(self._values.turn, self._ctx, lambda: self._game.agents)
+        row = self._own_row()
+        if row.collectors is None:
+            row.collectors = Collectors()
+            row.collectors.copy_from(self._parts.collectors, _itself)
+        row.collectors.collect(self._values.turn, self._ctx, lambda: self._game.agents)
 
     def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
         """Return the collected values of a game, by the names of collectors."""
-        return self._collectors[game].tables()
+        row = self._pointed.rows[game]
+        return (self._parts.collectors if row is None or row.collectors is None else row.collectors).tables()
 
     def _call_each(
         self, function: Callable[[], object], games: IntArray, what: str = "", *, part: int | None = None
@@ -893,41 +847,36 @@ class Cursor:
         self._forget_looks()
 
     def _named(self) -> str:
-        return f"In game {self._number} of a batch, with the seed {self._state.seeds[self._number]}."
+        return f"In game {self._pointed.number} of a batch, with the seed {self._state.seeds[self._pointed.number]}."
 
     def _take(self) -> None:
         """Write the changes of a game into the columns; the game leaves if they are of values that all games share."""
-        number = self._number
-        over = self._values.over
         journal = self._journal
         phase = self._phase
-        block: AgentBlock | None = self._block
         rng = self._own_of_ctx["_rng"]
         if rng is not None:
             self._take_rng(rng)
         is_other = phase.epoch != self._epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
+        block: AgentBlock | None = self._block
         if journal.log or journal.progressed or are_changed:
             block = self._take_agents(journal)
             if block is None:
                 return
         if self._read:
             self._take_logs(self._read)
-        if over is not self._over:
-            self._state.over[number] = over
-            self._state.is_going[number] = over is None
         if self._pointed.map.changes() != self._pointed.map_changes:
             self._take_roads()
         for name in _NUMBERS:
-            self._state.numbers[name][number, self._population.numbers] = getattr(block, name)
-        if self._facts != self._facts_shown or (is_other and any(self._nothing_private)):
+            self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
+        if self._facts != self._facts_shown:
             self._take_facts()
         if is_other and self._what_is_fixed() != self._fixed:
             self._leave("changes settings, rules or collectors")
 
     def _take_rng(self, rng: Generator) -> None:
         """Store the random stream of a game."""
-        self._rngs[self._number] = rng
+        self._own_row().rng = rng
         if self._has_drawn:
             self._leave("draws from ctx.rng, as the code of the scenario does")
 
@@ -937,7 +886,7 @@ class Cursor:
         Returns:
             The block with the changes of the function; None: some agents have no rows, and games have to begin again.
         """
-        number = self._number
+        number = self._pointed.number
         before = self._population
         agents = self._ctx.agent.agents
         roster = self._state.roster
@@ -959,10 +908,11 @@ class Cursor:
             self._fixed = self._what_is_fixed()
             return None
         self._take_attributes()
-        if self._pointed.moved.get(number, (None,))[0] != self._moment:
-            self._pointed.moved[number] = self._moment, before
+        row = self._own_row()
+        if row.moved is None or row.moved[0] != self._moment:
+            row.moved = self._moment, before
         for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
-            self._core.leave(number, self._number_of[name], self._pointed.departed[number][name][1])
+            self._core.leave(number, self._number_of[name], row.departed[name][1])
         for agent in new:
             place = self._number_of[agent.name]
             start = self._values.began[agent.name]
@@ -972,7 +922,8 @@ class Cursor:
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
         found = self._pointed.take_population(number)
         self._take_shown()
-        self._attributes[number] = [attributes[agent.name] for agent in self._agents]
+        row.attributes = [attributes[agent.name] for agent in self._agents]
+        self._attributes = row.attributes
         self._fixed = self._what_is_fixed()
         return found.block
 
@@ -995,7 +946,7 @@ class Cursor:
 
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
-        if not self._pointed.take_roads(self._number):
+        if not self._pointed.take_roads(self._pointed.number):
             self._leave("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
@@ -1005,7 +956,7 @@ class Cursor:
         for entry in entries:
             stopped = entry.get(STOPPED.get(entry["kind"], ""))
             if isinstance(stopped, str) and stopped in numbers:
-                state.stops[self._number, numbers[stopped]] += 1
+                state.stops[self._pointed.number, numbers[stopped]] += 1
 
     def _take_scores(self, scores: dict[Any, Any]) -> None:
         known = self._scores_before
@@ -1015,7 +966,7 @@ class Cursor:
         are_exact = {key for key, column in columns.items() if column.dtype == object}
         if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
             self._leave("sets scores that are no numbers")
-        columns.put(self._number, scores)
+        columns.put(self._pointed.number, scores)
 
     def _take_agents(self, journal: Journal) -> AgentBlock | None:
         """Store the changes of agents; return their block; None: games have to begin again."""
@@ -1036,7 +987,7 @@ class Cursor:
             changed: the agents, if it has created or deleted some; else None.
         """
         state = self._state
-        number = self._number
+        number = self._pointed.number
         block = changed or self._block
         kinds = {one[0] for one in journal.log if type(one) is tuple}
         progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
@@ -1069,16 +1020,11 @@ class Cursor:
 
     def _take_facts(self) -> None:
         """Store the facts that a rule has published in a game."""
-        if any(self._nothing_private):
-            self._private_facts[self._number] = self._nothing_private
-            self._nothing_private = {}, {}
-        if self._facts == self._facts_shown:
-            return
         known = self._facts_shown
         now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         facts = dict(now)
-        self._facts_of[self._number] = facts
+        self._own_row().facts = facts
         self._facts_own = facts
         self._facts_shown = facts
         if changed & self._core_keys:
@@ -1093,6 +1039,7 @@ class Cursor:
         """Let agents observe and decide in games at which the context is pointed."""
         turns = self._turns
         self._begin()
+        self._has_ended = False
         turns.is_playing = True
         turns.is_moving = True
         try:
@@ -1129,7 +1076,7 @@ class Cursor:
         which = agents.tobytes(), observing.tobytes()
         with self._deciding(games):
             for place in self._each(games):
-                number = self._number
+                number = self._pointed.number
                 self._ordered.table.rekey(state.seeds[number])
                 if here is None:
                     asked = self._ordered.asked_of(*which, self._block.alive.tobytes())
@@ -1138,7 +1085,7 @@ class Cursor:
                     asked = self._new_asked(self._ordered.order, arriving, looking, b"")
                 if not asked.part.observing:
                     continue
-                told = self._tell_blocked(asked) if are_blocked[place] or number in self._undone else ()
+                told = self._tell_blocked(asked) if are_blocked[place] or self._undone else ()
                 try:
                     ends += self._ask(asked)
                     decided.append(place)
@@ -1160,11 +1107,14 @@ class Cursor:
         """Record that agents got actions from outside."""
         names = self._state.roster.names
         for at, i in np.argwhere(view.mask).tolist():
-            self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
+            row = self._pointed.rows[view.games[at]]
+            if row is not None:
+                row.undone.pop(names[view.agents[i]], None)
 
     def _ask(self, asked: _AskedAgents) -> list[int]:
         """Return the nodes to which agents of the current game move."""
-        memories = self._memories[self._number]
+        row = self._own_row()
+        memories = row.memories
         for name, template in asked.templates:
             template["memory"] = memories[name]
         if self._core.arrival is None:
@@ -1180,7 +1130,7 @@ class Cursor:
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         chooses = decisions.actions or decisions.paths is not None
-        if chooses or decisions.failures or decisions.written or self._number in self._undone:
+        if chooses or decisions.failures or decisions.written or row.undone:
             self._take_decisions(decisions, asked)
         if self._state.deed_log is not None and decisions.actions:
             self._take_deeds(decisions, asked)
@@ -1191,7 +1141,7 @@ class Cursor:
 
     def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
         """Return the decisions of agents that may have decided before in the same turn."""
-        number = self._number
+        number = self._pointed.number
         turns = self._turns
         slots = self._ordered.order.slots
         known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
@@ -1209,7 +1159,7 @@ class Cursor:
 
     def _take_what_sensors_change(self) -> None:
         """Write the changes that custom sensors made before agents decided."""
-        if self._journal.log or self._journal.progressed or self._values.over is not self._over:
+        if self._journal.log or self._journal.progressed or self._has_ended:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
 
@@ -1218,12 +1168,12 @@ class Cursor:
         for i, name in asked.members:
             action = decisions.actions.get(i)
             if action is not None and (action.position is not None or action.quat is not None):
-                flights.choose(self._number, self._number_of[name], action.position, action.quat)
+                flights.choose(self._pointed.number, self._number_of[name], action.position, action.quat)
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the routes that agents of the current game have chosen."""
         for i, name in asked.members:
-            if not routes.choose(self._number, self._number_of[name], decisions, i):
+            if not routes.choose(self._pointed.number, self._number_of[name], decisions, i):
                 self._leave("chooses a route with an edge that it repeats")
 
     def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
@@ -1238,19 +1188,18 @@ class Cursor:
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.heading != ():
-                self._state.turning.append((self._number, self._number_of[named[i]], action.heading))
+                self._state.turning.append((self._pointed.number, self._number_of[named[i]], action.heading))
         decide = set(named.values())
-        known = self._undone.pop(self._number, {})
-        undone = {name: why for name, why in known.items() if name not in decide}
+        row = self._own_row()
+        undone = {name: why for name, why in row.undone.items() if name not in decide}
         for i, why in decisions.undone():
             undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
-        if undone:
-            self._undone[self._number] = undone
+        row.undone = undone
         if decisions.written:
             decisions.merge_team_memories()
         turn = self._values.turn
         for i, kind, message in decisions.failures:
-            self._state.failures.append((Failure(self._number, self._number_of[named[i]], kind, message), turn))
+            self._state.failures.append((Failure(self._pointed.number, self._number_of[named[i]], kind, message), turn))
 
     def _take_deeds(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the deeds of agents of the current game."""
@@ -1259,15 +1208,15 @@ class Cursor:
             agent = self._number_of[name]
             deeds = (action and action.deeds) or {}
             if self._core.arrival and deeds:
-                self._core.note_late_deeds(np.array([self._number]), np.array([agent]))
+                self._core.note_late_deeds(np.array([self._pointed.number]), np.array([agent]))
             for order, (kind, fields) in enumerate(deeds.items()):
-                self._deeds.append((self._number, agent, order, kind, fields))
+                self._deeds.append((self._pointed.number, agent, order, kind, fields))
 
     def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the messages that agents of the current game send."""
         failed = decisions.failed
         slots = self._ordered.order.slots
-        number = self._number
+        number = self._pointed.number
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
         messages, unsent = self._turns.outboxes.read(
             [slots[i] for i, _ in asked.members if i in having and i not in failed]
@@ -1288,7 +1237,7 @@ class Cursor:
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
         if agent in self._asked_agents:
-            undone = self._undone.setdefault(game, {})
+            undone = self._pointed.row_of(game).undone
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
@@ -1314,13 +1263,14 @@ class Cursor:
         told = []
         slots = self._ordered.order.slots
         numbers = self._number_of
-        undone = self._undone.get(self._number, {})
+        number = self._pointed.number
+        undone = self._undone
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
             if self._core.arrival is not None:
                 pass  # `note_losers` has noted conflicts
-            elif state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first.turn:
-                why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
+            elif state.blocked[number, numbers[name]] and state.turn[number] > self._first.turn:
+                why.append(in_conflict(self._core.wanted(number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
                 told.append(slots[i])
@@ -1330,7 +1280,7 @@ class Cursor:
 
     def agents(self, game: int) -> list[tuple[Any, Any]] | None:
         """Return the agents of a game and their strategies; None: those of the start."""
-        population = self._pointed.population_of[game]
+        population = self._pointed.population_of(game)
         if population is None:
             return None
         strategies = [strategy for strategy, _ in population.agents.equipment]
@@ -1338,36 +1288,16 @@ class Cursor:
 
     def departed(self, game: int) -> dict[str, tuple[Any, int]]:
         """Return the agents that were deleted in a game, with their teams and nodes."""
-        return self._pointed.departed[game]
+        row = self._pointed.rows[game] or self._pointed.at_start
+        return row.departed
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that undoes all later changes."""
+        """Return a function that undoes later changes, but for memories, data, facts and attributes of agents."""
         undo = self._state.checkpoint(self._core.moves)
-        facts = [*self._facts_of]
-        private_facts = [one and copied(one) for one in self._private_facts]
-        attributes = copied(self._attributes)
-        undo_pointed = self._pointed.checkpoint()
-        rngs = [rng and deepcopy(rng) for rng in self._rngs]
-        memories = [copied_filled(each) if each else {} for each in self._memories]
-        team_memories = [copied(each) if each else {} for each in self._team_memories]
-        undone = copied(self._undone)
-        collected = [one.snapshot() for one in self._collectors] if self._periods else []
-        data: dict[int, dict[Any, Any] | None] = {}
-        self._data_before = data
+        undo_rows = self._pointed.checkpoint()
 
         def take_back() -> None:
             undo()
-            for one, values in zip(self._collectors, collected, strict=False):  # none if there are no collectors
-                one.restore(values)
-            self._facts_of[:] = facts
-            self._private_facts[:] = private_facts
-            self._attributes[:] = attributes
-            undo_pointed()
-            self._rngs[:] = rngs
-            self._memories[:] = [defaultdict(dict, each) for each in memories]
-            self._team_memories[:] = team_memories
-            self._undone = undone
-            for number, before in data.items():
-                self._data[number] = before
+            undo_rows()
 
         return take_back

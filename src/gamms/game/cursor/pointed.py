@@ -1,20 +1,26 @@
 """Points the context of one game at each game of a batch in turn."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from functools import partial
 from itertools import groupby
 from typing import Any, NoReturn
 from weakref import WeakValueDictionary
 
 import numpy as np
+from numpy.random import Generator
 
 from gamms.core.agents import PointedColumns
-from gamms.core.copies import copied
+from gamms.core.copies import copied, copied_filled, copied_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
+from gamms.game.cursor.own_functions import FirstValues
+from gamms.game.messages import Inboxes
 from gamms.game.movement.roads import RoadMap
+from gamms.game.result import Collectors
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import AgentBlock, show_column, show_flights, show_lives, show_progress
 from gamms.ir.game_state import GameState
@@ -23,8 +29,10 @@ from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.agent_engine import IAgent
 
-_READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
-"""Fields of the state of a game that are made when they are read."""
+_READ = ("began", "counts", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
+"""Fields of the state of a game that are made when they are read; so are `data` and `over`, which may be set."""
+_IN_ROW = ("agent_facts", "delayed_looks", "departed", "team_facts", "team_memories")
+"""Fields of the state of a game that are read from its row; see `RowValues`."""
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -72,24 +80,24 @@ class StartOfGame:
 
     Args:
         read: returns the value of a field of the game.
+        row: returns what Python holds of the game; see `RowValues`.
+        end: ends the game; called with the reason, the winner and the truncation.
         replace_data: sets `ctx.game.data`.
-        began: returns the start places of agents.
-        memory_of: returns the memory of an agent.
         leave: moves the game to a context of its own; called with the reason.
     """
 
     def __init__(
         self,
         read: Callable[[str], Any],
+        row: Callable[[], "RowValues"],
+        end: Callable[[dict[str, Any] | None], None],
         replace_data: Callable[[dict[Any, Any]], None],
-        began: Callable[[], dict[str, Any]],
-        memory_of: Callable[[str], dict[Any, Any]],
         leave: Callable[[str], NoReturn],
     ) -> None:
         self.read = read
+        self.row = row
+        self.end = end
         self.replace_data = replace_data
-        self._began = began
-        self.memory_of = memory_of
         self._leave = leave
 
     @property
@@ -99,7 +107,7 @@ class StartOfGame:
 
     def places_of(self, _: object) -> dict[str, Any]:
         """Return the start places of agents."""
-        return self._began()
+        return {**self.read("began")}
 
     def place_of(self, agent: IAgent) -> Any:
         """Return the place of an agent that came later."""
@@ -113,13 +121,13 @@ class StartOfGame:
 
 
 class PointedState(GameState):
-    """The state of the game that a context is pointed at; some fields are computed when they are read."""
+    """The state of the game that a context is pointed at; fields are read from its row, or made when they are read."""
 
     __slots__ = ()
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent in the game that the context is pointed at."""
-        memory: dict[Any, Any] = self.start.memory_of(name)
+        memory: dict[Any, Any] = self.start.row().memories.setdefault(name, {})
         return memory
 
 
@@ -127,13 +135,90 @@ def _read_field(name: str, state: GameState) -> Any:
     return state.start.read(name)
 
 
+def _read_row(name: str, state: GameState) -> Any:
+    return getattr(state.start.row(), name)
+
+
+def _write_row(name: str, state: GameState, value: object) -> None:
+    setattr(state.start.row(), name, value)
+
+
 def _play_turn_in_it(state: GameState, _: object) -> None:
     state.start._leave("plays a turn of the game")
 
 
 for _name in _READ:
-    _set_field: Any = _play_turn_in_it if _name != "data" else lambda state, data: state.start.replace_data(data)
+    setattr(PointedState, _name, property(partial(_read_field, _name), _play_turn_in_it))
+for _name in _IN_ROW:
+    setattr(PointedState, _name, property(partial(_read_row, _name), partial(_write_row, _name)))
+for _name, _write in (
+    ("data", lambda state, data: state.start.replace_data(data)),
+    ("over", lambda state, over: state.start.end(over)),
+):
+    _set_field: Any = _write
     setattr(PointedState, _name, property(partial(_read_field, _name), _set_field))
+
+
+class RowValues:
+    """What only Python can hold of a game of a batch. It is made when it is read first.
+
+    Args:
+        first: the values at the start of the games; None: these are the values of the start.
+
+    Attributes:
+        data: `ctx.game.data`; None: as at the start.
+        facts: the public facts; None: as at the start.
+        agent_facts, team_facts, memories, team_memories, delayed_looks, departed: see `GameState`.
+        attributes: the custom attributes of the agents, by row; None: those that games share.
+        undone: agent -> why it did not do what it wanted in its last turn, but for conflicts.
+        collectors: the collectors, with their values; None: nothing was collected.
+        inboxes: the inboxes of the agents; None: nothing was received.
+        rng: `ctx.rng`; None: it was not used.
+        population: the agents; None: those of the start.
+        moved: a moment, and the agents whose moves functions see then; others were created or deleted since.
+    """
+
+    __slots__ = (
+        *("agent_facts", "attributes", "collectors", "data", "delayed_looks", "departed", "facts", "inboxes"),
+        *("memories", "moved", "population", "rng", "team_facts", "team_memories", "undone"),
+    )
+
+    def __init__(self, first: "GameState | RowValues", undone: Mapping[str, str]) -> None:
+        self.data: dict[Any, Any] | None = None
+        self.facts: dict[str, Any] | None = None
+        self.agent_facts: dict[Any, dict[str, Any]] = copied(first.agent_facts)
+        self.team_facts: dict[Any, dict[str, Any]] = copied(first.team_facts)
+        self.memories: dict[str, dict[Any, Any]] = defaultdict(dict, copied_filled(first.memories))
+        self.team_memories: dict[Any, dict[Any, Any]] = copied(first.team_memories)
+        self.delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = copied(first.delayed_looks)
+        self.departed: dict[str, tuple[Any, int]] = {**first.departed}
+        self.attributes: list[dict[str, Any]] | None = None
+        self.undone = dict(undone)
+        self.collectors: Collectors | None = None
+        self.inboxes: Inboxes | None = None
+        self.rng: Generator | None = None
+        self.population: Population | None = None
+        self.moved: tuple[tuple[int, int | None, bool], Population] | None = None
+
+    def turn_values(self) -> tuple[Any, ...]:
+        """Return copies of what goes back with a turn that is taken back: all but what functions have written."""
+        collected = None if self.collectors is None else self.collectors.snapshot()
+        looks = {which: {**of_turns} for which, of_turns in self.delayed_looks.items()}
+        return (
+            *(self.attributes, collected, looks, {**self.departed}),
+            *(self.moved, self.population, deepcopy(self.rng), {**self.undone}),
+        )
+
+    def take_back(self, values: tuple[Any, ...]) -> None:
+        """Set what `turn_values` has returned; what functions have written themselves stays."""
+        attributes, collected, self.delayed_looks, self.departed, self.moved, population, self.rng, self.undone = values
+        if population is not self.population:
+            self.attributes = attributes
+            self.population = population
+        if collected is None:
+            self.collectors = None
+        elif self.collectors is not None:
+            self.collectors.restore(collected)
 
 
 class Population:
@@ -187,22 +272,74 @@ class Population:
         return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
 
 
+class _OtherColumns:
+    """Shows the columns of some games which in most games are as at the start.
+
+    Attributes:
+        are_needed: whether they must be shown in each game.
+    """
+
+    def __init__(self, pointed: "PointedContext", state: GameArrays, population: Population, games: IntArray) -> None:
+        self._pointed = pointed
+        self._state = state
+        self._population = population
+        numbers = population.numbers
+        self._row_of = {number: row for row, number in enumerate(numbers.tolist())}
+        self._numbers = [(name, column[games][:, numbers]) for name, column in state.numbers.items()]
+        self._placed = self._placed_in(games)
+        self._are_placed = np.any(self._placed, axis=1).tolist()
+        self._flies = len(population.rows_in_air) > 0
+        self._remembers = len(state.movement.remembers) > 0
+        self._are_closed = state.roads.are_closed
+        is_other = self._flies or self._remembers or self._are_closed or not pointed.reads_rows
+        self.are_needed = is_other or len(self._numbers) > 0 or any(self._are_placed)
+
+    def _placed_in(self, games: IntArray) -> BoolArray:
+        """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
+        placed: BoolArray = self._state.placed[games]
+        flights = self._state.flights
+        if flights is not None:
+            placed[:, flights.agents] &= ~flights.has_flown[games]
+        return placed
+
+    def __call__(self, at: int, number: int) -> None:
+        """Show the columns of a game, given its index and its number."""
+        pointed = self._pointed
+        state = self._state
+        block = self._population.block
+        pointed.show_row(number)
+        if self._flies or state.headings[number] != pointed.headings:
+            pointed.show_poses(number)
+        for name, column in self._numbers:
+            show_column(block, name, column[at])
+        if block.placed or self._are_placed[at]:
+            block.placed = set(np.flatnonzero(self._placed[at][self._population.numbers]).tolist())
+        if self._remembers:
+            row_of = self._row_of
+            on_edges = state.movement.on_edges(number, state.node[number])
+            show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
+        if self._are_closed or pointed.roads is not None:
+            pointed.show_roads(state.roads.of(number))
+
+
 class PointedContext:
     """A context that is pointed at each game of a batch in turn: it then has the agents, turn and seed of that game.
 
     Args:
         game: the game at its start, in a context in which nothing else is played.
         state: the state of all games.
+        first_values: the start values of each game; empty: all games begin with the same.
 
     Attributes:
+        rows: what only Python holds of each game; None: as at the start.
+        number: the number of the game that the context is pointed at; -1: none.
+        read: fields of its state that were made when they were read; see `PointedState`.
         population: the agents of the context.
-        population_of: the agents of each game; None: the agents of the start.
         headings: the headings that differ from the start, by the numbers of agents; None: unknown.
         alive: whether each agent of the context lives, by row, as bytes; empty: unknown.
-        delayed_looks: the pending reports of sensors in each game.
-        departed: the agents that were deleted in each game; see `GameState`.
-        moved: game -> a moment, and the agents whose moves functions see then; others were created or deleted since.
+        reads_rows: whether the state of the context reads fields from rows; see `PointedState`.
         map: the storage of the map of the context.
+        roads: the open roads that are shown; None: those of the start.
         map_changes: the changes of the map that is shown; see `IMapStorage.changes`.
     """
 
@@ -210,48 +347,77 @@ class PointedContext:
     headings: Mapping[int, Heading] | None
     map_changes: tuple[int, int, int, bool]
 
-    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, first_values: Sequence[FirstValues | None]) -> None:
         self._game = game
         self._state = state
         self._before: Snapshot | None = None
-        self._looks_at_start = copied(game.internals.state.delayed_looks)
-        self.delayed_looks = [copied(self._looks_at_start) for _ in range(len(state))]
-        self._departed_at_start = {**game.internals.state.departed}
-        self.departed = [{**self._departed_at_start} for _ in range(len(state))]
-        self.population_of: list[Population | None] = [None] * len(state)
-        self.moved: dict[int, tuple[tuple[int, int | None, bool], Population]] = {}
+        self._first_values = first_values
+        values = game.internals.state
+        self.at_start = RowValues(values, {})
+        self._start = values.start
+        self.rows: list[RowValues | None] = [None] * len(state)
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
         self._own = vars(game.ctx)
         self.map = game.ctx.graph.storage
         self.alive = b""
+        self.number = -1
+        self.read: dict[str, Any] = {}
+        self.reads_rows = False
+
+    def row_of(self, number: int) -> RowValues:
+        """Return what Python holds of a game; it is made if there is none."""
+        row = self.rows[number]
+        if row is None:
+            row = RowValues(self.at_start, self.at_start.undone)
+            self.rows[number] = row
+        return row
 
     def forget(self, games: IntArray) -> None:
-        """Reset some games to the agents and the pending reports of the start."""
+        """Reset some games to their start."""
         for number in games.tolist():
-            self.delayed_looks[number] = copied(self._looks_at_start)
-            self.departed[number] = {**self._departed_at_start}
-            self.population_of[number] = None
-            self.moved.pop(number, None)
+            self.rows[number] = None
+            rng = self._first_rng(number)
+            if rng is not None:
+                self.row_of(number).rng = rng
+            first = self._first_values[number] if self._first_values else None
+            if first is not None:
+                row = self.row_of(number)
+                row.data = copied(first.data)
+                row.facts = dict(first.facts)
+                row.attributes = [copied_values(one) for one in first.attributes]
+                row.agent_facts = copied(first.agent_facts)
+                row.team_facts = copied(first.team_facts)
+
+    def _first_rng(self, number: int) -> Generator | None:
+        """Return `ctx.rng` of a new game; None: it is created on first use."""
+        state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
+        if state is None:
+            return None
+        rng: Generator = self._game.ctx.stream("context")
+        rng.bit_generator.state = state
+        return rng
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that undoes all later changes."""
-        delayed_looks = [{**looks} if looks else {} for looks in self.delayed_looks]
-        departed = [{**one} if one else {} for one in self.departed]
-        populations = [*self.population_of]
-        moved = {**self.moved}
+        """Return a function that undoes later changes; what functions have written themselves stays."""
+        kept = [None if row is None else row.turn_values() for row in self.rows]
 
         def take_back() -> None:
-            self.delayed_looks[:] = delayed_looks
-            self.departed[:] = departed
-            self.population_of[:] = populations
-            self.moved = moved
+            for row, values in zip(self.rows, kept, strict=True):
+                if row is not None:
+                    row.take_back(values or RowValues(self.at_start, self.at_start.undone).turn_values())
 
         return take_back
+
+    def population_of(self, number: int) -> Population | None:
+        """Return the agents of a game; None: those of the start."""
+        row = self.rows[number]
+        return None if row is None else row.population
 
     def hold(self) -> None:
         """Remember the context as it is, for `release`."""
         self._before = self._game.snapshot()
-        self._first_looks = self._game.internals.state.delayed_looks
+        values = self._game.internals.state
+        self._first_looks = values.delayed_looks
         self._first = Population(self._game, self._state)
         self._note_shown(self._first)
         self._first_map = self.map.snapshot()
@@ -333,7 +499,7 @@ class PointedContext:
         if known is not found:
             self.show(known)
         self._note_shown(known)
-        self.population_of[number] = known
+        self.row_of(number).population = known
         return found
 
     @contextmanager
@@ -350,65 +516,52 @@ class PointedContext:
 
     def by_population(self, games: IntArray) -> IntArray:
         """Return the indices of some games, ordered so that games with the same agents follow each other."""
-        populations = [*map(self.population_of.__getitem__, games.tolist())]
+        populations = [*map(self.population_of, games.tolist())]
         numbers = {one: number for number, one in enumerate(dict.fromkeys(populations))}
+        if len(numbers) == 1:
+            return np.arange(len(games))
         return np.argsort([*map(numbers.__getitem__, populations)], kind="stable")
 
     def each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
-        for population, some in groupby(games.tolist(), self.population_of.__getitem__):
+        for population, some in groupby(games.tolist(), self.population_of):
             yield from self._each_with(population or self._first, np.array([*some], np.int64))
 
     def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
         """Do the same as `each` for games with the same agents."""
         state = self._state
-        block = population.block
-        numbers = population.numbers
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
-        columns = self._nodes_of(population, games)
-        more = [(name, column[games][:, numbers]) for name, column in state.numbers.items()]
-        row_of = {number: row for row, number in enumerate(numbers.tolist())}
+        nodes = self._nodes_of(population, games)
         lives = self._lives(population, games)
-        placed = self._placed(games)
-        are_placed = np.any(placed, axis=1).tolist()
-        roads = state.roads
-        are_closed = roads.are_closed
+        show_others = _OtherColumns(self, state, population, games)
         seeds = state.seeds
         own = self._own
+        read = self.read
+        block = population.block
         headings = state.headings
-        flies = len(population.rows_in_air) > 0
-        remembers = state.movement.remembers
         self._drop_changes(population)
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
+            self.number = number
+            if read:
+                read.clear()
             if self.population is not population:
                 self.show(population)
             values.turn = played[at]
-            values.delayed_looks = self.delayed_looks[number]
-            values.departed = self.departed[number]
             own["_seed"] = seeds[number]
             turns.seed_changes += 1
-            columns.point(at)
-            if flies or headings[number] != self.headings:
-                self._show_poses(number)
+            nodes.point(at)
             if lives[at] != self.alive:
                 self.show_lives(lives[at])
-            for name, column in more:
-                show_column(block, name, column[at])
-            if block.placed or are_placed[at]:
-                block.placed = set(np.flatnonzero(placed[at][numbers]).tolist())
-            if remembers:
-                on_edges = state.movement.on_edges(number, state.node[number])
-                show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
-            if are_closed or self._roads is not None:
-                self._show_roads(roads.of(number))
+            if show_others.are_needed or self.roads is not None or block.placed or headings[number] != self.headings:
+                show_others(at, number)
             yield number
 
     def _drop_changes(self, population: Population) -> None:
         """Undo what a function that has raised has changed of the map and the agents of the context."""
         if self.map_changes != self.map.changes():
-            self._show_roads(None)
+            self.show_roads(None)
         if self.has_other_agents():
             self.show(population)
 
@@ -428,7 +581,14 @@ class PointedContext:
         node, previous = (column.reshape(-1).data for column in both)
         return PointedColumns(population.block, node, previous)
 
-    def _show_poses(self, number: int) -> None:
+    def show_row(self, number: int) -> None:
+        """Set the fields that the context reads from the row of a game, where it does not look there itself."""
+        if not self.reads_rows:
+            row = self.row_of(number)
+            self._game.internals.state.delayed_looks = row.delayed_looks
+            self._game.internals.state.departed = row.departed
+
+    def show_poses(self, number: int) -> None:
         """Show the positions and rotations of flying agents in a game."""
         flights = self._state.flights
         headings = self._state.headings[number]
@@ -440,27 +600,19 @@ class PointedContext:
         each = zip(shown.numbers.tolist(), shown.first_headings, strict=True)
         show_column(shown.block, "heading", [headings.get(agent, first) for agent, first in each])
 
-    def _placed(self, games: IntArray) -> BoolArray:
-        """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
-        placed: BoolArray = self._state.placed[games]
-        flights = self._state.flights
-        if flights is not None:
-            placed[:, flights.agents] &= ~flights.has_flown[games]
-        return placed
-
     def show_lives(self, alive: bytes) -> None:
         """Set which agents of the context are alive, by row."""
         show_lives(self.population.block, alive)
         self.alive = alive
 
-    def _show_roads(self, roads: RoadMap | None) -> None:
+    def show_roads(self, roads: RoadMap | None) -> None:
         """Open and close roads as in a game; None: as at the start."""
-        if roads is not self._roads or self.map_changes != self.map.changes():
+        if roads is not self.roads or self.map_changes != self.map.changes():
             self.map.restore(self._first_map if roads is None else roads.snapshot)
             self._note_map(roads)
 
     def _note_map(self, roads: RoadMap | None) -> None:
-        self._roads = roads
+        self.roads = roads
         self.map_changes = self.map.changes()
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
