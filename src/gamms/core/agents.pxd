@@ -74,12 +74,16 @@ cdef class AgentColumns:
 
 
 @cython.final
-cdef class PointedColumns:
+cdef class GamePointer:
     cdef AgentColumns columns
+    cdef object state
+    cdef dict own
+    cdef list turns, seeds
     cdef const i64[::1] node, previous
+    cdef const u8[::1] lives
 
-    @cython.locals(columns=AgentColumns, i=Py_ssize_t, size=Py_ssize_t, first=Py_ssize_t)
-    cpdef int point(self, Py_ssize_t game) except -1
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, size=Py_ssize_t, first=Py_ssize_t, is_other=bint)
+    cpdef bint point(self, Py_ssize_t game) except -1
 
 
 @cython.final
@@ -99,6 +103,8 @@ cdef class MovingAgents:
     cpdef int leave_out(self, i64[::1] starts, i64[::1] ends, bytes took_part) except -1
     @cython.locals(i=Py_ssize_t, found=list)
     cpdef present(self, object agents)
+    @cython.locals(columns=AgentColumns, i=Py_ssize_t, found=list)
+    cpdef list living(self, list agents)
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
     cpdef int begin(self, MoveColumns moves) except -1
     @cython.locals(i=Py_ssize_t)

@@ -335,21 +335,41 @@ class AgentColumns:
         return self.numbers.ids[self._nodes[row]]
 
 
-class PointedColumns:
-    """Loads the nodes of one game of a batch into the columns of a single game.
+class GamePointer:
+    """Points a context at games of a batch in turn: it then has their turn, seed, nodes and living agents.
 
-    Attributes:
-        columns: the columns of the single game.
+    Args:
+        columns: the columns of the agents of the context.
+        state: its state, with the attribute `turn`.
+        own: the attributes of the context; `_seed` is set.
+        turns: (games,) the number of turns that each game has played.
+        seeds: (games,) the seed of each game.
         node, previous: (games * agents,) the numbers of nodes in all games.
+        lives: (games * agents,) whether each agent lives.
     """
 
-    def __init__(self, columns: AgentColumns, node: memoryview[int], previous: memoryview[int]) -> None:
+    def __init__(
+        self,
+        columns: AgentColumns,
+        state: Any,
+        own: dict[str, Any],
+        turns: list[int],
+        seeds: list[int],
+        node: memoryview[int],
+        previous: memoryview[int],
+        lives: memoryview[int],
+    ) -> None:
         self.columns = columns
+        self.state = state
+        self.own = own
+        self.turns = turns
+        self.seeds = seeds
         self.node = node
         self.previous = previous
+        self.lives = lives
 
-    def point(self, game: int) -> int:
-        """Copy the current and the previous nodes of one game into the columns, and note that all agents may differ.
+    def point(self, game: int) -> bool:
+        """Point the context at a game; return whether other agents live there than in the context.
 
         Raises:
             IndexError: there is no game of this number.
@@ -359,12 +379,17 @@ class PointedColumns:
         first = game * size
         if game < 0 or first + size > len(self.node):
             raise IndexError(f"There is no game {game}.")
+        self.state.turn = self.turns[game]
+        self.own["_seed"] = self.seeds[game]
+        is_other = False
         for i in range(size):
             columns._nodes[i] = self.node[first + i]
             columns._origins[i] = self.previous[first + i]
+            if columns._lives[i] != self.lives[first + i]:
+                is_other = True
         columns.version += 1
         columns._have_all_changed = True
-        return 0
+        return is_other
 
 
 class MovingAgents:
@@ -438,6 +463,15 @@ class MovingAgents:
         for i in agents:
             if self._takes_part[i]:
                 found.append(i)  # noqa: PERF401 - a comprehension is not compiled as well
+        return found
+
+    def living(self, agents: list[Any]) -> list[Any]:
+        """Return those of all agents, (agents,), that are alive now."""
+        columns = self.columns
+        found = []
+        for i in range(len(self.rows)):
+            if columns._lives[self.rows[i]]:
+                found.append(agents[i])  # noqa: PERF401 - a comprehension is not compiled as well
         return found
 
     def begin(self, moves: MoveColumns) -> int:

@@ -372,6 +372,12 @@ class TurnOrder:
         found: Sequence[int] = self.moving.present(self.whole.members)
         return found
 
+    def living(self, ctx: HostContext) -> list[IAgent]:
+        """Return the agents of the order that are alive now, which the context has."""
+        every = self._agents
+        found: list[IAgent] = self.moving.living(self.agents_of(ctx.agent.agents) if every is None else every)
+        return found
+
     def agents_of(self, agents: Mapping[str, IAgent]) -> list[IAgent]:
         """Return all agents by slot, from agents by name; the same list at each call."""
         if self._agents is None:

@@ -183,20 +183,17 @@ class TurnEngine(GameTurn):
 
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
-        agents = self._ctx.agent
         order = self.order_now
         if order is None or not self.phase.is_deciding:
+            agents = self._ctx.agent
             block = agents.block
             if order is None or order.block is not block or order.entries != block.structure.entries:
                 if not block.has_teams:
                     # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
                     return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
                 order = self.order()
-        every = order.agents_of(agents.agents)
-        inactive = order.block.inactive
-        if not inactive:
-            return [*every]
-        return [one for one, row in zip(every, order.selection.rows, strict=True) if row not in inactive]
+        living: list[IAgent] = order.living(self._ctx)
+        return living
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""

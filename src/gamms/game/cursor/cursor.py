@@ -391,15 +391,19 @@ class Cursor:
     def _each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games that have not left, and yield the index of the game."""
         state = self._state
-        places = np.flatnonzero(~np.isin(games, [*state.leaving]))
+        places = np.arange(len(games))
+        if state.leaving:
+            places = np.flatnonzero(~np.isin(games, [*state.leaving]))
         facts = [(name, facts_of(state, games)) for name, facts_of in self._facts_in_core]
-        first = 0
-        while first < len(places):
-            rest = places[first:]
-            for place, number in zip(rest.tolist(), self._pointed.each(games[rest]), strict=True):
-                first += 1
-                state.notice_interrupt()
-                self._show_values(number)
+        stop = state.stop.data
+        while len(places):
+            some = self._pointed.first_of(games[places])
+            at = 0
+            for at, place in enumerate(places[: len(some.numbers)].tolist()):
+                if stop[0]:
+                    state.notice_interrupt()
+                some.show(at)
+                self._show_values(self._pointed.number)
                 for name, of_games in facts:
                     self._facts[name] = of_games[place]
                     self._facts_shown[name] = of_games[place]
@@ -407,6 +411,7 @@ class Cursor:
                 if self._why:
                     self._let_leave()
                     break
+            places = places[at + 1 :]
 
     def _show_values(self, number: int) -> None:
         """Show the values in Python of the game that the context is pointed at."""

@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
-from itertools import groupby
+from itertools import takewhile
 from typing import Any, NoReturn
 from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.random import Generator
 
-from gamms.core.agents import PointedColumns
+from gamms.core.agents import GamePointer
 from gamms.core.copies import copied, copied_filled, copied_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
@@ -272,27 +272,40 @@ class Population:
         return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
 
 
-class _OtherColumns:
-    """Shows the columns of some games which in most games are as at the start.
+class GamesToShow:
+    """Shows games with the same agents in a context, one after the other.
+
+    Args:
+        pointed: the context.
+        state: the state of all games.
+        population: the agents of these games.
+        games: the numbers of the games.
 
     Attributes:
-        are_needed: whether they must be shown in each game.
+        numbers: the numbers of the games.
     """
 
     def __init__(self, pointed: "PointedContext", state: GameArrays, population: Population, games: IntArray) -> None:
+        self.numbers: list[int] = games.tolist()
         self._pointed = pointed
         self._state = state
         self._population = population
-        numbers = population.numbers
-        self._row_of = {number: row for row, number in enumerate(numbers.tolist())}
-        self._numbers = [(name, column[games][:, numbers]) for name, column in state.numbers.items()]
+        self._block = population.block
+        self._headings = state.headings
+        agents = population.numbers
+        seeds = [state.seeds[number] for number in self.numbers]
+        self._alive = state.alive[games][:, agents]
+        columns = *_nodes_of(state, population, games), self._alive.view(np.uint8).reshape(-1).data
+        self._turns = pointed.turns
+        self._pointer = pointed.pointer(population, state.turn[games].tolist(), seeds, *columns)
+        self._columns = [(name, column[games][:, agents]) for name, column in state.numbers.items()]
         self._placed = self._placed_in(games)
         self._are_placed = np.any(self._placed, axis=1).tolist()
         self._flies = len(population.rows_in_air) > 0
         self._remembers = len(state.movement.remembers) > 0
         self._are_closed = state.roads.are_closed
         is_other = self._flies or self._remembers or self._are_closed or not pointed.reads_rows
-        self.are_needed = is_other or len(self._numbers) > 0 or any(self._are_placed)
+        self._have_more = is_other or len(self._columns) > 0 or any(self._are_placed)
 
     def _placed_in(self, games: IntArray) -> BoolArray:
         """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
@@ -302,24 +315,53 @@ class _OtherColumns:
             placed[:, flights.agents] &= ~flights.has_flown[games]
         return placed
 
-    def __call__(self, at: int, number: int) -> None:
-        """Show the columns of a game, given its index and its number."""
+    def show(self, at: int) -> None:
+        """Show a game, given its index."""
+        pointed = self._pointed
+        number = self.numbers[at]
+        pointed.number = number
+        if pointed.read:
+            pointed.read.clear()
+        if pointed.population is not self._population:
+            pointed.show(self._population)
+        self._turns.seed_changes += 1
+        if self._pointer.point(at):
+            pointed.show_lives(bytes(self._alive[at]))
+        if (
+            self._have_more
+            or pointed.roads is not None
+            or self._block.placed
+            or self._headings[number] != pointed.headings
+        ):
+            self._show_more(at, number)
+
+    def _show_more(self, at: int, number: int) -> None:
+        """Show the columns of a game that in most games are as at the start."""
         pointed = self._pointed
         state = self._state
-        block = self._population.block
+        block = self._block
         pointed.show_row(number)
         if self._flies or state.headings[number] != pointed.headings:
             pointed.show_poses(number)
-        for name, column in self._numbers:
+        for name, column in self._columns:
             show_column(block, name, column[at])
         if block.placed or self._are_placed[at]:
             block.placed = set(np.flatnonzero(self._placed[at][self._population.numbers]).tolist())
         if self._remembers:
-            row_of = self._row_of
+            row_of = {agent: row for row, agent in enumerate(self._population.numbers.tolist())}
             on_edges = state.movement.on_edges(number, state.node[number])
             show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
         if self._are_closed or pointed.roads is not None:
             pointed.show_roads(state.roads.of(number))
+
+
+def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[Any, Any]:
+    """Return the numbers of the current and of the previous nodes of agents in some games, (games * agents,)."""
+    both = np.array([column[games][:, population.numbers] for column in (state.node, state.previous)], np.int64)
+    ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
+    population.block.numbers.write(ids.reshape(-1).data, both.reshape(-1).data)
+    node, previous = (column.reshape(-1).data for column in both)
+    return node, previous
 
 
 class PointedContext:
@@ -338,6 +380,7 @@ class PointedContext:
         headings: the headings that differ from the start, by the numbers of agents; None: unknown.
         alive: whether each agent of the context lives, by row, as bytes; empty: unknown.
         reads_rows: whether the state of the context reads fields from rows; see `PointedState`.
+        turns: the turn engine of the context.
         map: the storage of the map of the context.
         roads: the open roads that are shown; None: those of the start.
         map_changes: the changes of the map that is shown; see `IMapStorage.changes`.
@@ -358,11 +401,13 @@ class PointedContext:
         self.rows: list[RowValues | None] = [None] * len(state)
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
         self._own = vars(game.ctx)
+        self.turns = game.internals.parts.turns
         self.map = game.ctx.graph.storage
         self.alive = b""
         self.number = -1
         self.read: dict[str, Any] = {}
         self.reads_rows = False
+        self._have_others = False  # whether agents of a game may differ from those of the start
 
     def row_of(self, number: int) -> RowValues:
         """Return what Python holds of a game; it is made if there is none."""
@@ -500,6 +545,7 @@ class PointedContext:
             self.show(known)
         self._note_shown(known)
         self.row_of(number).population = known
+        self._have_others = True
         return found
 
     @contextmanager
@@ -516,47 +562,35 @@ class PointedContext:
 
     def by_population(self, games: IntArray) -> IntArray:
         """Return the indices of some games, ordered so that games with the same agents follow each other."""
+        if not self._have_others:
+            return np.arange(len(games))
         populations = [*map(self.population_of, games.tolist())]
         numbers = {one: number for number, one in enumerate(dict.fromkeys(populations))}
-        if len(numbers) == 1:
-            return np.arange(len(games))
         return np.argsort([*map(numbers.__getitem__, populations)], kind="stable")
 
     def each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
-        for population, some in groupby(games.tolist(), self.population_of):
-            yield from self._each_with(population or self._first, np.array([*some], np.int64))
+        while len(games):
+            some = self.first_of(games)
+            for at, number in enumerate(some.numbers):
+                some.show(at)
+                yield number
+            games = games[len(some.numbers) :]
 
-    def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
-        """Do the same as `each` for games with the same agents."""
-        state = self._state
-        values = self._game.internals.state
-        turns = self._game.internals.parts.turns
-        nodes = self._nodes_of(population, games)
-        lives = self._lives(population, games)
-        show_others = _OtherColumns(self, state, population, games)
-        seeds = state.seeds
-        own = self._own
-        read = self.read
-        block = population.block
-        headings = state.headings
-        self._drop_changes(population)
-        played = state.turn[games].tolist()
-        for at, number in enumerate(games.tolist()):
-            self.number = number
-            if read:
-                read.clear()
-            if self.population is not population:
-                self.show(population)
-            values.turn = played[at]
-            own["_seed"] = seeds[number]
-            turns.seed_changes += 1
-            nodes.point(at)
-            if lives[at] != self.alive:
-                self.show_lives(lives[at])
-            if show_others.are_needed or self.roads is not None or block.placed or headings[number] != self.headings:
-                show_others(at, number)
-            yield number
+    def first_of(self, games: IntArray) -> GamesToShow:
+        """Return the first of some games, which have the same agents, to show each of them."""
+        population = self.population_of(int(games[0]))
+        some = games
+        if self._have_others:
+            alike = [*takewhile(lambda number: self.population_of(number) is population, games.tolist())]
+            some = games[: len(alike)]
+        found = population or self._first
+        self._drop_changes(found)
+        return GamesToShow(self, self._state, found, some)
+
+    def pointer(self, population: Population, *columns: Any) -> GamePointer:
+        """Return what shows games in the context; see `GamePointer` for the columns."""
+        return GamePointer(population.block, self._game.internals.state, self._own, *columns)
 
     def _drop_changes(self, population: Population) -> None:
         """Undo what a function that has raised has changed of the map and the agents of the context."""
@@ -564,22 +598,6 @@ class PointedContext:
             self.show_roads(None)
         if self.has_other_agents():
             self.show(population)
-
-    def _lives(self, population: Population, games: IntArray) -> list[bytes]:
-        """Return which agents live in each of some games, in the order of their rows."""
-        lives = self._state.alive[games][:, population.numbers].tobytes()
-        size = len(population.numbers)
-        return [lives[at * size : (at + 1) * size] for at in range(len(games))]
-
-    def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
-        """Return the current and previous nodes of agents in some games, in the order of their rows."""
-        state = self._state
-        numbers = population.block.numbers
-        both = np.array([column[games][:, population.numbers] for column in (state.node, state.previous)], np.int64)
-        ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
-        numbers.write(ids.reshape(-1).data, both.reshape(-1).data)
-        node, previous = (column.reshape(-1).data for column in both)
-        return PointedColumns(population.block, node, previous)
 
     def show_row(self, number: int) -> None:
         """Set the fields that the context reads from the row of a game, where it does not look there itself."""
