@@ -37,6 +37,7 @@ from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns
 from gamms.game.block.state import GameArrays, LeavesSharedContext
 from gamms.game.conflicts import refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
+    CalledFunctions,
     acts_before_moves,
     asked_of,
     first_called,
@@ -150,11 +151,8 @@ class GamesOnOneMap:
         self.core = CoreGames(
             game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
         )
-        self.cursor = (
-            Cursor(game, self._pointed, state, self.core, asked, observing, has_array_functions=has_arrays)
-            if calls_each
-            else None
-        )
+        called = CalledFunctions.of(game, roster, asked, observing, has_array_functions=has_arrays)
+        self.cursor = Cursor(game, self._pointed, state, self.core, called) if calls_each else None
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn

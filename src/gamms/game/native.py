@@ -25,9 +25,8 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, roster_of, sensors_of
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, core_forms
 from gamms.game.block.initial_state import InitialState, movement_of
-from gamms.game.block.scores import fits_float
 from gamms.game.block.sensing import called_each_turn
-from gamms.game.block.state import GameArrays
+from gamms.game.block.state import GameArrays, fits_float
 from gamms.game.block.strategy_steps import begin_steps, can_read, memories_of
 from gamms.game.conflicts import flat, unranked
 from gamms.game.cursor.called_functions import first_called

@@ -18,8 +18,7 @@ from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
 from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of, index_games, kept_in
-from gamms.game.block.scores import fits_float
-from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose
+from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
     StrategySteps,

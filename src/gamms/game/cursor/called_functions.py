@@ -1,15 +1,95 @@
 """Find the plain functions of a game that are called game by game."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
+from typing import Any, NamedTuple
 
-from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of
+from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of, sensors_of
 from gamms.game.block.in_core import called_rules, conflicts_in_core, core_forms
 from gamms.game.block.sensing import called_each_turn
+from gamms.game.cursor.own_functions import FunctionPerGame, some_function
+from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import decides_in_arrays
-from gamms.ir.game_state import KEPT
+from gamms.ir.game_state import KEPT, GameState
 from gamms.text import as_code, shown
+
+
+class StartValues(NamedTuple):
+    """The values with which games begin; see `GameState`."""
+
+    turn: int
+    moves: TurnMoves | None
+    counts: dict[str, dict[str, int]]
+
+    @classmethod
+    def of(cls, state: GameState) -> "StartValues":
+        """Return the values with which the game of a context begins."""
+        return cls(state.turn, state.moves, {name: each.copy() for name, each in state.counts.items()})
+
+
+class CalledFunctions(NamedTuple):
+    """The plain functions of a game that are called game by game in a batch.
+
+    Attributes:
+        functions: the functions.
+        own_functions: those that differ between games.
+        periods: the periods of the collectors, in turns.
+        asked: the numbers in the roster of agents whose strategies and plans are called.
+        observing: the names of these agents, and of those whose sensors are called in each turn.
+        core_keys: the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays.
+        facts_in_core: the key of each fact that the core knows, and the function that returns it for games.
+        has_array_functions: whether array functions are called, too.
+        first: the values with which games begin.
+    """
+
+    functions: Sequence[Callable[..., object]]
+    own_functions: Sequence[FunctionPerGame]
+    periods: frozenset[int]
+    asked: frozenset[int]
+    observing: frozenset[str]
+    core_keys: frozenset[str]
+    facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
+    has_array_functions: bool
+    first: StartValues
+
+    @classmethod
+    def of(
+        cls,
+        game: PlayedGame,
+        roster: AgentTable,
+        asked: Sequence[int],
+        observing: Sequence[int],
+        *,
+        has_array_functions: bool,
+    ) -> "CalledFunctions":
+        """Return the functions that are called in games like one.
+
+        Args:
+            game: the game at its start.
+            roster: the agents.
+            asked: the numbers of agents whose strategies and plans are called.
+            observing: the numbers of other agents whose sensors are called in each turn.
+            has_array_functions: whether array functions are called, too.
+        """
+        deciders = [decider_of(roster.agents[number], game.settings()["plans"]) for number in asked]
+        collectors = game.internals.parts.collectors.by_name.values()
+        of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
+        sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+        every = *deciders, *of_rules, *(getattr(one, "function", None) for one in sensors)
+        specs = [one.spec for one in called_rules(game, roster) if one.spec.core_form is not None]
+        rules = functions_of_rules(game, roster)
+        return cls(
+            functions=[*map(some_function, rules), *map(some_function, deciders), *(one.fn for one in collectors)],
+            own_functions=[one for one in every if isinstance(one, FunctionPerGame)],
+            periods=frozenset(one.every for one in collectors),
+            asked=frozenset(asked),
+            observing=frozenset(roster.names[number] for number in (*asked, *observing)),
+            core_keys=frozenset(keys_in_core(game, roster)),
+            facts_in_core=[(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None],
+            has_array_functions=has_array_functions,
+            first=StartValues.of(game.internals.state),
+        )
 
 
 def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:

@@ -295,7 +295,7 @@ class GamesToShow:
         agents = population.numbers
         seeds = [state.seeds[number] for number in self.numbers]
         self._alive = state.alive[games][:, agents]
-        columns = *_nodes_of(state, population, games), self._alive.view(np.uint8).reshape(-1).data
+        columns = _nodes_of(state, population, games), self._alive.view(np.uint8).reshape(-1).data
         self._turns = pointed.turns
         self._pointer = pointed.pointer(population, state.turn[games].tolist(), seeds, *columns)
         self._columns = [(name, column[games][:, agents]) for name, column in state.numbers.items()]
@@ -355,7 +355,7 @@ class GamesToShow:
             pointed.show_roads(state.roads.of(number))
 
 
-def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[Any, Any]:
+def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[memoryview, memoryview]:
     """Return the numbers of the current and of the previous nodes of agents in some games, (games * agents,)."""
     both = np.array([column[games][:, population.numbers] for column in (state.node, state.previous)], np.int64)
     ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
@@ -588,9 +588,16 @@ class PointedContext:
         self._drop_changes(found)
         return GamesToShow(self, self._state, found, some)
 
-    def pointer(self, population: Population, *columns: Any) -> GamePointer:
-        """Return what shows games in the context; see `GamePointer` for the columns."""
-        return GamePointer(population.block, self._game.internals.state, self._own, *columns)
+    def pointer(
+        self,
+        population: Population,
+        turns: list[int],
+        seeds: list[int],
+        nodes: tuple[memoryview, memoryview],
+        lives: memoryview,
+    ) -> GamePointer:
+        """Return what shows games in the context; see `GamePointer`."""
+        return GamePointer(population.block, self._game.internals.state, self._own, turns, seeds, *nodes, lives)
 
     def _drop_changes(self, population: Population) -> None:
         """Undo what a function that has raised has changed of the map and the agents of the context."""

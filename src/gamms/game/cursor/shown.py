@@ -1,0 +1,792 @@
+"""The game of a batch that a context shows: what functions read is read there, and their changes are taken from it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache, partial
+from typing import Any, NamedTuple, NoReturn
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.random import Generator
+
+from gamms.core.copies import copied, copied_values
+from gamms.deciding import phase_of
+from gamms.game.block.columns import (
+    PlayedGame,
+)
+from gamms.game.block.in_core import CoreGames
+from gamms.game.block.state import STOPPED, GameArrays, LeavesSharedContext, fits_float
+from gamms.game.cursor.called_functions import CalledFunctions
+from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
+from gamms.game.messages import Inboxes
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.order import TurnOrder, TurnPart
+from gamms.game.random_streams import DrawTable
+from gamms.game.slots import COUNTED
+from gamms.game.strategy_specs import strategy_spec_of
+from gamms.ir.agents import AgentBlock, as_ids
+from gamms.ir.events import (
+    AERIAL_AGENT_FLIGHT,
+    AERIAL_AGENT_TURN,
+    AGENT_ATTRIBUTE,
+    AGENT_CREATE,
+    AGENT_DELETE,
+    AGENT_SENSOR_DEREGISTER,
+    AGENT_SENSOR_REGISTER,
+)
+from gamms.ir.game_state import BlockedAgents, GameState, Scores
+from gamms.ir.graph import IntArray
+from gamms.ir.journal import Journal
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
+from gamms.plain import is_plain, is_same
+from gamms.typing.agent_engine import IAgent
+
+_NUMBERS = [column.name for column in NUMBERS]
+_CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
+_TURNED = CHANGE_EVENTS["heading"].code
+_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
+
+
+class AskedAgents(NamedTuple):
+    """Agents that are asked, some of which may be dead.
+
+    Attributes:
+        part: the living ones, as a part of a turn.
+        places: the slot of each agent; -1: it is dead.
+        members: the slots and names of the living ones.
+        templates: the names of the living ones, and their states.
+    """
+
+    part: TurnPart
+    places: list[int]
+    members: list[tuple[int, str]]
+    templates: list[tuple[str, dict[str, Any]]]
+
+
+class _OrderInGames(NamedTuple):
+    """The turn order of the agents of some games.
+
+    Attributes:
+        order: the order.
+        table: the keys of their draws.
+        asked_of: returns the asked agents, by the numbers of agents that are asked and of others that observe, and by
+            which agents live.
+    """
+
+    order: TurnOrder
+    table: DrawTable
+    asked_of: Callable[[bytes, bytes, bytes], AskedAgents]
+
+
+@dataclass
+class _PopulationCaches:
+    """Values derived from a set of agents of the context.
+
+    Attributes:
+        lasts: the last states of agents, and the last data of sensors, each a list of one item.
+        notices: the detection models of sensors that count their looks.
+        sees_world_only: whether all sensors that are called look only at the graph and the agents.
+        are_plain: whether this holds, and repeated calls in a turn return the same data.
+        order_of: returns the order of the agents, by whether all know the same facts.
+    """
+
+    lasts: list[list[Any]]
+    notices: list[Any]
+    sees_world_only: bool
+    are_plain: bool
+    order_of: Callable[[bool], _OrderInGames]
+
+
+class _Attributes:
+    """The custom attributes of agents: games share them until one sets some, or reads some that may change in place.
+
+    Args:
+        agents: the agents at the start.
+
+    Attributes:
+        now: the attributes of each agent in the game that is shown.
+        shown: those that the agents have.
+        are_shared: whether games share attributes; else each has its own from the beginning.
+    """
+
+    def __init__(self, agents: Sequence[Any]) -> None:
+        self._first = [copied_values(vars(one)) for one in agents]
+        self._shared: list[dict[str, Any]] = [one.__dict__ for one in agents]
+        self.are_shared = is_plain(self._first)
+        self.now = self._shared
+        self.shown = self._shared
+
+    @property
+    def have_changed(self) -> bool:
+        """Whether those that games share have changed."""
+        return self.are_shared and not is_same(self._shared, self._first)
+
+    def take_row(self, row: RowValues | None) -> None:
+        """Go to the attributes of a game; None: it has those of the start."""
+        if row is not None and row.attributes is not None:
+            self.now = row.attributes
+        elif row is None or self.are_shared:
+            self.now = self._shared
+        else:
+            row.attributes = [copied_values(own) for own in self._first]
+            self.now = row.attributes
+
+    def show(self, agents: Sequence[Any]) -> None:
+        """Let agents have the attributes of the game that is shown."""
+        for agent, own in zip(agents, self.now, strict=True):
+            agent.__dict__ = own
+        self.shown = self.now
+
+    def part_from_others(self, row: RowValues, agents: Sequence[Any]) -> None:
+        """Give a game its own copy of shared attributes."""
+        if row.attributes is None:
+            row.attributes = copied(self.shown)
+            self.now = row.attributes
+            self.show(agents)
+
+    def keep(self, row: RowValues) -> None:
+        """Let a game keep the attributes that are shown, which a function has changed; others share copies."""
+        if row.attributes is None:
+            row.attributes = self.shown
+            self.now = self.shown
+            self._shared = copied(self._first)
+
+    def release(self, agents: Sequence[Any]) -> None:
+        """Let the agents of the start have the attributes that they had then."""
+        for agent, own in zip(agents, self._first, strict=True):
+            agent.__dict__ = own
+
+
+class ShownGame:
+    """The game of a batch that a context shows, and what functions change in it.
+
+    The context has one set of agents. They show the game that it is pointed at. If a plain function reads what a
+    context cannot show of the core, or changes what the core cannot change, its game leaves: it plays the same turn in
+    a context of its own, and all turns that follow. The context shows games until `release`.
+
+    Args:
+        game: the game at its start, whose context is pointed at other games.
+        pointed: points the context at games.
+        state: the state of all games.
+        core: plays the games in the core.
+        called: the functions that are called.
+
+    Attributes:
+        why: why the game leaves that is shown; "": it does not.
+        number_of: name -> the number of the agent in the roster.
+        block, journal: the agents of the game, and what functions change of them.
+        cached: values derived from the agents.
+        ordered: the order of the agents.
+        looks: what agents have sensed, while no function asks them.
+        part: the part of the turn in which agents are about to move; None: they are not.
+        have_joined: whether agents created in this part of the turn take part in it.
+        has_ended: whether a function has ended the game.
+        new_agents: agents without rows that functions have created.
+    """
+
+    block: AgentBlock
+    journal: Journal
+    cached: _PopulationCaches
+    ordered: _OrderInGames
+
+    def __init__(
+        self, game: PlayedGame, pointed: PointedContext, state: GameArrays, core: CoreGames, called: CalledFunctions
+    ) -> None:
+        parts = game.internals.parts
+        values = parts.state
+        self._game = game
+        self._pointed = pointed
+        self._state = state
+        self._core = core
+        self._called = called
+        self._ctx = game.ctx
+        self._parts = parts
+        self._turns = parts.turns
+        self._values = values
+        self._phase = phase_of(game.ctx)
+        self.why = ""
+        self.part: int | None = None
+        self.have_joined = False
+        self.has_ended = False
+        self.new_agents: list[IAgent] = []
+        pointed.hold()
+        self.number_of = {name: i for i, name in enumerate(state.roster.names)}
+        self.looks = GuardedDict({}, None, self.leave, "what agents have sensed")
+        self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
+        self._attributes = _Attributes(pointed.population.agents.members)
+        self._take_shown()
+        self._turns.note_departed()
+        self._first_data = {key: one for key, one in values.data.items() if key not in called.core_keys}
+        self._facts = values.facts
+        self._first_facts = dict(self._facts)
+        self._own_of_ctx = vars(self._ctx)
+        self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
+        self._row: RowValues | None = None  # of the game that is shown
+        self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
+        self._facts_shown = self._first_facts
+        self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
+        self._is_public = True  # whether that is the order of agents that know the same facts
+        self._scores_before: dict[Any, Any] = {}
+        self._num_events = 0  # of the events and messages that were read
+        self._num_messages = 0
+        self._read = pointed.read
+        self._kept_start = values.start
+        self._begin()
+        self._fixed = self._what_is_fixed()
+        self._note_epoch()
+
+    def _begin(self) -> None:
+        """Let the state of the context read the game that is shown."""
+        values = self._values
+        pointed = self._pointed
+        self._phase.before_reading = self._own_attributes
+        values.__class__ = PointedState
+        values.start = StartOfGame(self.read, self.own_row, self._end, self._replace_data, self.leave)
+        values.has_begun = True
+        values.last_turn = self._game.settings()["max_turns"]
+        values.blocked = BlockedAgents()
+        pointed.reads_rows = True
+        pointed.number = -1
+        self._show_facts(None)
+
+    def release(self) -> None:
+        """Restore the context as it was before it was pointed at games."""
+        values = self._values
+        turns = self._turns
+        values.__class__ = GameState
+        values.start = self._kept_start
+        self._pointed.reads_rows = False
+        values.has_begun = False
+        values.began = {}
+        values.last_turn = None
+        self._phase.drop_plans()
+        values.stream_version += 1  # slots have memories and draws of games of the batch
+        turns.is_playing = False
+        turns.is_moving = False
+        self._phase.before_reading = None
+        self._pointed.show_first()
+        self._take_shown()
+        self._attributes.release(self._agents)
+        for last in self.cached.lasts:
+            last[0] = {}
+        self._pointed.release()
+
+    @property
+    def has_changed_shared(self) -> bool:
+        """Whether a function has changed attributes of agents that games share."""
+        return self._attributes.have_changed
+
+    def go_on(self, before: "ShownGame") -> None:
+        """Go on with the part of the turn in which another object has shown games."""
+        self.part = before.part
+        self.have_joined = before.have_joined
+        self.new_agents = before.new_agents
+
+    def leave(self, what: str) -> NoReturn:
+        """Move the current game to a context of its own; the argument says why, in words."""
+        self.why = self.why or f"a plain function {what}"
+        raise LeavesSharedContext(self.why)
+
+    def _what_is_fixed(self) -> tuple[int, object, int]:
+        """Return the numbers and objects that only the turn engine may change."""
+        parts = self._parts
+        return self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
+
+    def _note_epoch(self) -> None:
+        """Note the agents and settings of the context: only functions that run from now on have changed them."""
+        phase = self._phase
+        self._epoch = phase.epoch
+        self._changes = phase.strategy_changes, phase.sensor_changes
+
+    def _take_shown(self) -> None:
+        """Read the agents that the context has from now on."""
+        population = self._pointed.population
+        self._population = population
+        self.block = population.block
+        self._agents = population.agents.members
+        self.journal = population.journal
+        self.cached = self._caches_of(population)
+        self._alive = None
+        self._attributes.shown = []  # unknown
+        self.forget_looks()
+
+    def _caches_of(self, population: Population) -> _PopulationCaches:
+        """Return the values derived from the agents of the context, which are these."""
+        if population not in self._known_caches:
+            self._known_caches[population] = self._new_caches(population.agents.members)
+        return self._known_caches[population]
+
+    def _new_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
+        access = self._ctx.agent.storage.turn_access
+        each = [access(one) for one in agents]
+        of_sensors = [last for one in each for _, last, *_ in one.carried]
+        lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
+        sensors = [sensor for agent in agents for sensor in agent.sensors.values()]
+        observing = (agent for agent in agents if agent.name in self._called.observing)
+        carried = [sensor for agent in observing for sensor in agent.sensors.values()]
+        looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
+        counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
+        notices = [counting[id(one)] for one in carried if id(one) in counting]
+        sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
+        are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
+        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, cache(self._new_order))
+
+    def forget_looks(self) -> None:
+        """Forget what agents have sensed."""
+        for last in self.cached.lasts:
+            last[0] = self.looks
+
+    def show(self, number: int) -> None:
+        """Show the values in Python of the game that the context is pointed at."""
+        pointed = self._pointed
+        row = pointed.rows[number]
+        if pointed.population is not self._population:
+            self._take_shown()
+        for own in self._called.own_functions:
+            own.number = number
+        if row is not None or self._row is not None or not self._attributes.are_shared:
+            self._show_row(number, row)
+        if self._alive is None:
+            self._take_order()
+        elif pointed.alive != self._alive:
+            self._alive = pointed.alive
+            self.ordered.order.take_lives()
+        if self._state.radio is not None:
+            self._show_inboxes()
+        if self._attributes.shown is not self._attributes.now:
+            self._attributes.show(self._agents)
+        if self._phase.epoch != self._epoch:
+            self._note_epoch()
+
+    def _show_row(self, number: int, row: RowValues | None) -> None:
+        """Show what Python holds of a game; None: as at the start."""
+        if row is None and not self._attributes.are_shared:
+            row = self._pointed.row_of(number)
+        self._row = row
+        self._own_of_ctx["_rng"] = None if row is None else row.rng
+        is_public = row is None or not (row.agent_facts or row.team_facts)
+        if is_public != self._is_public:
+            self._is_public = is_public
+            self._alive = None
+        facts = None if row is None else row.facts
+        if facts is not self._facts_own:
+            self._show_facts(facts)
+        self._attributes.take_row(row)
+
+    def _show_inboxes(self) -> None:
+        """Show the inboxes of the agents of a game."""
+        row = self.own_row()
+        if row.inboxes is None:
+            row.inboxes = Inboxes(self._ctx, self._values)
+        self._turns.inboxes = row.inboxes
+
+    @property
+    def undone(self) -> Mapping[str, str]:
+        """Agent -> why it did not do what it wanted in the last turn of the game, but for conflicts."""
+        row = self._pointed.rows[self._pointed.number]
+        return self._pointed.at_start.undone if row is None else row.undone
+
+    def own_row(self) -> RowValues:
+        """Return what Python holds of the game that the context is pointed at; it is made if there is none."""
+        row = self._pointed.row_of(self._pointed.number)
+        self._row = row
+        return row
+
+    def show_fact(self, name: str, fact: object) -> None:
+        """Show a fact that the core knows of the game."""
+        self._facts[name] = fact
+        self._facts_shown[name] = fact
+
+    def _show_facts(self, own: dict[str, Any] | None) -> None:
+        """Show the facts of a game; None: the facts published before the batch."""
+        self._facts_own = own
+        self._facts_shown = self._first_facts if own is None else own
+        self._facts.clear()
+        self._facts.update(self._facts_shown)
+
+    def _own_attributes(self) -> None:
+        """Give the game its own attributes before one is read that may change in place."""
+        self._attributes.part_from_others(self.own_row(), self._agents)
+
+    def _take_order(self) -> None:
+        """Use the turn order of the agents of the game, and let the living ones take part."""
+        self._alive = self._pointed.alive
+        self.ordered = self.cached.order_of(self._is_public)
+        self._turns.take_order(self.ordered.order)
+        self.ordered.order.take_lives()
+
+    def _new_order(self, is_public: bool) -> _OrderInGames:  # noqa: ARG002 - on which the order depends
+        """Return the order of the agents of the context; they may know the same facts or not."""
+        order = self._turns.make_order()
+        return _OrderInGames(order, order.slots.table, lru_cache(1024)(partial(self.new_asked, order)))
+
+    def _order_of(self, population: Population) -> TurnOrder:
+        """Return the order of other agents than the present ones, some of which may have been deleted."""
+        if population is self._population:
+            return self.ordered.order
+        with self._phase.suspended():  # a strategy may ask how agents have moved
+            with self._pointed.showing(population):
+                found = self._caches_of(population).order_of(self._is_public)
+            if not self._pointed.has_other_agents():
+                self._take_order()
+        return found.order
+
+    def new_asked(self, order: TurnOrder, asked: bytes, observing: bytes, _: bytes) -> AskedAgents:
+        """Return the living agents that are asked, and the living agents that only observe, given their numbers."""
+        names = self._state.roster.names
+        named = [names[number] for number in np.frombuffer(asked, np.int64).tolist()]
+        living = {order.names[i]: i for i in order.present()}
+        places = [living.get(name, -1) for name in named]
+        members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
+        part = order.whole
+        if len(members) < len(order.slots):
+            part = order.part_of([i for i, _ in members])
+        others = {living.get(names[number], -1) for number in np.frombuffer(observing, np.int64).tolist()} - {-1}
+        if others:
+            part.let_observe(others)
+        templates = [(name, order.slots[i].template) for i, name in members]
+        return AskedAgents(part, places, members, templates)
+
+    # -- fields that are made when they are read -----------------------------------------------------------------------
+
+    def read(self, name: str) -> Any:
+        """Return a field of the game that the context is pointed at."""
+        read = self._read
+        if name not in read:
+            read[name] = getattr(self, f"_make_{name}")()
+        return read[name]
+
+    def _make_data(self) -> dict[Any, Any]:
+        row = self.own_row()
+        if row.data is None:
+            row.data = self._copy_of_data(self._first_data)
+        elif self._called.core_keys and type(row.data) is not GuardedDict:  # of a game that begins with other data
+            own = {key: one for key, one in row.data.items() if key not in self._called.core_keys}
+            row.data = self._copy_of_data(own)
+        return row.data
+
+    def _make_over(self) -> dict[str, Any] | None:
+        return self._state.over[self._pointed.number]
+
+    def _end(self, over: dict[str, Any] | None) -> None:
+        """End the game that the context is pointed at."""
+        number = self._pointed.number
+        self._state.over[number] = over
+        self._state.is_going[number] = over is None
+        self._read["over"] = over
+        self.has_ended = True
+
+    def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
+        values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
+        if not self._called.core_keys:
+            return values
+        keys = ", ".join(sorted(self._called.core_keys))
+        return GuardedDict(values, self._called.core_keys, self.leave, f"ctx.game.data, with that of {keys}")
+
+    def _replace_data(self, data: dict[Any, Any]) -> None:
+        if self._called.core_keys:
+            self.leave("replaces ctx.game.data")
+        self.own_row().data = data
+        self._read["data"] = data
+
+    def _make_began(self) -> dict[str, Any]:
+        state = self._state
+        begun = np.flatnonzero(state.start[self._pointed.number] >= 0)
+        nodes = state.streets.ids(state.start[self._pointed.number, begun]).tolist()
+        starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
+        if state.flights is not None:
+            places = map(tuple, state.flights.start[self._pointed.number].tolist())
+            flying = zip((state.roster.names[i] for i in state.flights.agents), places, strict=True)
+            starts |= {name: place for name, place in flying if name in starts}
+        return starts
+
+    def _make_scores(self) -> Scores:
+        self._scores_before = self._state.scores.of(self._pointed.number)
+        scores = Scores()
+        dict.update(scores, self._scores_before)
+        return scores
+
+    def _make_events(self) -> list[dict[str, Any]]:
+        found = self._state.events.of(self._pointed.number)
+        self._num_events = len(found)
+        return found
+
+    def _make_messages(self) -> list[dict[str, Any]]:
+        radio = self._state.radio
+        found = [] if radio is None else radio.of(self._pointed.number)
+        self._num_messages = len(found)
+        return found
+
+    def _make_deeds(self) -> list[dict[str, Any]]:
+        log = self._state.deed_log
+        return [] if log is None else log.of(self._pointed.number)
+
+    def _make_errors(self) -> list[dict[str, Any]]:
+        return self._state.errors[self._pointed.number]
+
+    def _make_counts(self) -> dict[str, dict[str, int]]:
+        state = self._state
+        columns = {kind: state.counts[kind][self._pointed.number].tolist() for kind in COUNTED}
+        names = enumerate(state.roster.names)
+        now = {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
+        return self._called.first.counts | now
+
+    def _make_memories(self) -> NoReturn:
+        self.leave("reads ctx.game.memories")
+
+    def _make_moves(self) -> TurnMoves | None:
+        """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
+        part = self.part
+        number = self._pointed.number
+        games = np.array([number])
+        if part is not None:
+            return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
+        if self._state.turn[number] == self._called.first.turn and not self._core.num_played_parts(number):
+            return self._called.first.moves
+        starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
+        if not took_part.any():
+            return None
+        moves = self._moves_between(starts, ends, took_part)
+        parts = self._parts.settings.order
+        return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
+
+    @property
+    def _moment(self) -> tuple[int, int | None, bool]:
+        """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
+        return int(self._state.turn[self._pointed.number]), self.part, self.have_joined
+
+    def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
+        """Return the moves of the agents that took part."""
+        population = self._population
+        moved = None if self._row is None else self._row.moved
+        if moved is not None and moved[0] == self._moment:
+            population = moved[1]
+        order = self._order_of(population)
+        ids = self._state.streets.ids
+        courses = self._core.courses
+        numbers = np.sort(population.numbers)
+        took_part = took_part[numbers]
+        starts = starts[numbers]
+        ends = np.where(took_part, ends[numbers], starts)
+        acting = np.where(took_part, numbers, -1)
+        if self.part is not None:  # the others stay where they are
+            acting[self._core.part_of[numbers] != self.part] = -1
+        actions = {}
+        paths = None
+        if courses is not None:
+            standing = np.where((acting < 0) & took_part, numbers, -1)
+            paths = courses.game_paths(self._pointed.number, acting, standing, starts)
+        first = ids(starts).tolist()
+        if self._state.flights is not None:
+            actions = self._state.flights.actions(self._pointed.number, acting, first)
+        lives = took_part.tobytes()
+        moves = TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
+        if self._state.deed_log is not None:
+            for number, deeds in self._state.deed_log.plain_of(self._pointed.number).items():
+                if number in numbers[took_part] and self.part in (None, self._core.part_of[number]):
+                    moves.do(int(np.searchsorted(numbers, number)), deeds)
+        return moves
+
+    # -- what functions change -----------------------------------------------------------------------------------------
+
+    def take(self) -> None:
+        """Write the changes of a game into the columns; the game leaves if they are of values that all games share."""
+        journal = self.journal
+        phase = self._phase
+        rng = self._own_of_ctx["_rng"]
+        if rng is not None:
+            self._take_rng(rng)
+        is_other = phase.epoch != self._epoch
+        are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
+        block: AgentBlock | None = self.block
+        if journal.log or journal.progressed or are_changed:
+            block = self._take_agents(journal)
+            if block is None:
+                return
+        if self._read:
+            self._take_logs(self._read)
+        if self._pointed.map.changes() != self._pointed.map_changes:
+            self._take_roads()
+        for name in _NUMBERS:
+            self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
+        if self._facts != self._facts_shown:
+            self._take_facts()
+        if is_other and self._what_is_fixed() != self._fixed:
+            self.leave("changes settings, rules or collectors")
+
+    def _take_rng(self, rng: Generator) -> None:
+        """Store the random stream of a game."""
+        self.own_row().rng = rng
+        if self._has_drawn:
+            self.leave("draws from ctx.rng, as the code of the scenario does")
+
+    def _take_population(self) -> AgentBlock | None:
+        """Store the agents that a function has created or deleted for its game.
+
+        Returns:
+            The block with the changes of the function; None: some agents have no rows, and games have to begin again.
+        """
+        number = self._pointed.number
+        before = self._population
+        agents = self._ctx.agent.agents
+        roster = self._state.roster
+        known = {agent.name: agent for agent in before.agents.members}
+        first = dict(zip(self._pointed.first.agents.members, self._pointed.first.agents.equipment, strict=True))
+        new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
+        self._turns.note_departed()
+        self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
+        if not self._state.adds_rows and any(agent.name not in self.number_of for agent in new):
+            self.leave("creates agents whose names neither game 0 nor the other games of the batch know")
+        unfit = [agent for agent in new if not roster.can_hold(agent)]
+        unfit += [agent for agent in changed if not roster.varies[self.number_of[agent.name]]]
+        if unfit:
+            self.new_agents += unfit
+            before.renew_journal()
+            self._pointed.show(before)
+            self._take_shown()
+            self._fixed = self._what_is_fixed()
+            return None
+        self._attributes.keep(self.own_row())
+        row = self.own_row()
+        if row.moved is None or row.moved[0] != self._moment:
+            row.moved = self._moment, before
+        for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
+            self._core.leave(number, self.number_of[name], row.departed[name][1])
+        for agent in new:
+            place = self.number_of[agent.name]
+            start = self._values.began[agent.name]
+            self._core.enter(number, place, start, agent.current_node_id, after_moves=self.part is None)
+            if self.part is not None:  # it does not make the move of a deleted agent of its name
+                self.cancel(place)
+        attributes = {agent.name: agent.__dict__ for agent in agents.values()}
+        found = self._pointed.take_population(number)
+        self._take_shown()
+        row.attributes = [attributes[agent.name] for agent in self._agents]
+        self._attributes.take_row(row)
+        self._fixed = self._what_is_fixed()
+        return found.block
+
+    def _refuse_other_forms(self, changed: Sequence[Any], first: Mapping[Any, tuple[Any, Any]]) -> None:
+        """Leave the core if agents for which array functions decided have other strategies now."""
+        for agent in changed:
+            if strategy_spec_of(agent.strategy).array_form is not strategy_spec_of(first[agent][0]).array_form:
+                self.leave("changes a strategy to or from an array strategy")
+
+    def _take_logs(self, read: dict[str, Any]) -> None:
+        """Write the changes of the scores and the events of a game that were read."""
+        if "scores" in read:
+            self._take_scores(read["scores"])
+        if "events" in read and len(read["events"]) != self._num_events:
+            if len(read["events"]) < self._num_events:
+                self.leave("deletes events")
+            self._note_events(read["events"][self._num_events :])
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self.leave("changes ctx.game.messages")
+
+    def _take_roads(self) -> None:
+        """Store the open roads of the game after a function call."""
+        if not self._pointed.take_roads(self._pointed.number):
+            self.leave("changes more of the map than which roads are open")
+
+    def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Count the stops of agents by events that a function has added to the log of a game."""
+        state = self._state
+        numbers = self.number_of
+        for entry in entries:
+            stopped = entry.get(STOPPED.get(entry["kind"], ""))
+            if isinstance(stopped, str) and stopped in numbers:
+                state.stops[self._pointed.number, numbers[stopped]] += 1
+
+    def _take_scores(self, scores: dict[Any, Any]) -> None:
+        known = self._scores_before
+        if scores == known and [*map(type, scores.values())] == [*map(type, known.values())]:
+            return
+        columns = self._state.scores
+        are_exact = {key for key, column in columns.items() if column.dtype == object}
+        if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
+            self.leave("sets scores that are no numbers")
+        columns.put(self._pointed.number, scores)
+
+    def _take_agents(self, journal: Journal) -> AgentBlock | None:
+        """Store the changes of agents; return their block; None: games have to begin again."""
+        self._pointed.part_from_others()
+        changed = None
+        if self._pointed.has_other_agents():
+            changed = self._take_population()
+            if changed is None:
+                return None
+        self._take_changes(journal, changed)
+        return changed or self.block
+
+    def _take_changes(self, journal: Journal, changed: AgentBlock | None) -> None:
+        """Write the nodes of agents that were placed elsewhere, and which agents live.
+
+        Args:
+            journal: the changes that a function has made.
+            changed: the agents, if it has created or deleted some; else None.
+        """
+        state = self._state
+        number = self._pointed.number
+        block = changed or self.block
+        kinds = {one[0] for one in journal.log if type(one) is tuple}
+        progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
+        journal.log.clear()
+        journal.progressed.clear()
+        if AGENT_ATTRIBUTE in kinds:
+            self._attributes.keep(self.own_row())
+        if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
+            self.leave("changes agents otherwise than by putting them elsewhere or out of the game")
+        numbers = self._population.numbers
+        for name in progressed:
+            state.movement.clear(number, self.number_of[name])
+        if changed or _TURNED in kinds:
+            headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
+            state.headings[number] = {agent: now for agent, now, first in headings if now != first}
+        block.locate()
+        state.node[number, numbers] = state.streets.rows(np.array(block.ids_of(block.node)))
+        state.previous[number, numbers] = state.streets.rows(np.array(block.ids_of(block.previous)))
+        alive = bytes(block.alive)
+        state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
+        if not changed:
+            self._pointed.headings = state.headings[number]
+            self._pointed.alive = alive
+        state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if changed and self.part is None:
+            self._core.place_newcomers(np.array([number]))
+        if state.flights is not None:
+            fly = self._population.flying, self._population.rows_in_air
+            state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)
+
+    def _take_facts(self) -> None:
+        """Store the facts that a rule has published in a game."""
+        known = self._facts_shown
+        now = self._facts
+        changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
+        facts = dict(now)
+        self.own_row().facts = facts
+        self._facts_own = facts
+        self._facts_shown = facts
+        if changed & self._called.core_keys:
+            self.leave("publishes facts of rules in the core")
+        if self._called.has_array_functions:
+            self.leave("publishes facts, which array functions may read")
+
+    def forget_asking(self) -> None:
+        """Undo the sensor calls of a function."""
+        if not self.cached.are_plain:
+            self.leave("asks sensors that err, or of classes of their own")
+        self.forget_looks()
+
+    def refuse_other_agents(self, what: str) -> None:
+        """Let the game leave if a function has changed agents otherwise than by own attributes."""
+        if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
+            self.leave(f"that is {what} changes agents")
+
+    def cancel(self, agent: int) -> None:
+        """Cancel the move of an agent of the game that the context is pointed at."""
+        self._core.hold(self._pointed.number, agent)
+        if self._state.flights is not None:
+            self._state.flights.hold(self._pointed.number, agent)
