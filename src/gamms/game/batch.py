@@ -143,8 +143,9 @@ class Batch(Surface, Immutable, NotPickled):
             for one in sources
         ]
         self._engine = self._made_engine()
-        self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone)
+        self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone, self._let_go)
         self._keeps_given = as_bool(record, "record") or self._engine.may_leave
+        self._spare: dict[int, PlayedGame] = {}  # by map, in a context of its own that no game needs now
         self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
@@ -201,6 +202,8 @@ class Batch(Surface, Immutable, NotPickled):
         self._put_public(is_closed=True)
         self._hide()
         self._separate.close()
+        for game in self._spare.values():
+            game.ctx.terminate()
         self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
@@ -796,6 +799,10 @@ class Batch(Surface, Immutable, NotPickled):
         """Return a game at its start, in a separate context."""
         source = self._sources[self.maps[number]]
         seed = self.seeds[number]
+        spare = self._spare.pop(int(self.maps[number]), None)
+        if spare is not None and not spare.ctx.is_terminated():
+            spare.reset(seed=seed)
+            return spare
         game: PlayedGame
         if source.build is not None:
             game = source.build(seed).game
@@ -807,6 +814,14 @@ class Batch(Surface, Immutable, NotPickled):
         own.install()
         game.reset(seed=seed)
         return game
+
+    def _let_go(self, number: int, game: PlayedGame) -> None:
+        """Keep the context of a game that has ended for the next one on its map that needs one."""
+        map = int(self.maps[number])
+        known = self._spare.pop(map, game)
+        if known is not game:
+            known.ctx.terminate()
+        self._spare[map] = game
 
     def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
         """Return a game at its start, in the context with the window; `show` opens one for its map."""

@@ -33,6 +33,7 @@ class SeparateGames:
         roster: the agents of all games.
         begin: returns a game, by its number, after a number of turns, in a context of its own.
         playing: returns a context manager in which a game is played, by its number.
+        let_go: takes a game that has ended, by its number; nobody knows its context, which may show another game.
 
     Attributes:
         reasons: why each of these games is played in a context of its own.
@@ -45,11 +46,13 @@ class SeparateGames:
         roster: AgentTable,
         begin: Callable[[int, int], PlayedGame],
         playing: Callable[[int, PlayedGame], AbstractContextManager[None]],
+        let_go: Callable[[int, PlayedGame], None],
     ) -> None:
         self.reasons: dict[int, str] = {}
         self.ran_from: dict[int, int] = {}
         self._begin = begin
         self._playing = playing
+        self._let_go = let_go
         self._turns: dict[int, int] = {}  # that each game has played when its context is made
         self._games: dict[int, PlayedGame] = {}
         self._results: dict[int, Result] = {}  # of games whose contexts have ended
@@ -93,13 +96,13 @@ class SeparateGames:
         """End all contexts; results remain available."""
         for number in [*self._games]:
             self._settle(number)
+            self._end(number)
 
     def _settle(self, number: int) -> None:
-        """End the context of a game, whose result remains available."""
+        """Keep the result of a game whose context is about to end."""
         with suppress(BadValue):  # an error of `observe`, which raises it again
             self.observe([number])
         self._results[number] = self.result(number)
-        self._end(number)
 
     def _end(self, number: int) -> None:
         game = self._games.pop(number, None)
@@ -199,6 +202,7 @@ class SeparateGames:
                 raise
             if not had_context and self._engine.is_over[number]:
                 self._settle(number)
+                self._let_go(number, self._games.pop(number))
             yield number
 
     @contextmanager
