@@ -1,10 +1,9 @@
 """Agents that rules create in batches: where they are observed, they take rows that were reserved for them."""
 
 import pytest
-from batch_scenes import assert_as_alone, check_games, scene
+from batch_scenes import check_games, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game import batch as batch_games
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
@@ -67,24 +66,7 @@ def late_or_first(state):
     state["action"] = state["legal"][state["turn"] % len(state["legal"])]
 
 
-def test_rows_for_agents_that_come_later_are_made_at_once(monkeypatch):
-    made_engines = []
-
-    class CountedEngine(batch_games.BatchEngine):
-        def __init__(self, *args):
-            made_engines.append(self)
-            super().__init__(*args)
-
-    monkeypatch.setattr(batch_games, "BatchEngine", CountedEngine)
-    with made().build(seed=1) as ctx:
-        ctx.game.add(visit)
-        with ctx.game.batch(seeds=[5, 6, 7]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert len(made_engines) == 2
-            assert_as_alone(games, alone)
-
-
-def test_agents_that_are_changed_after_they_have_come_have_rows_as_they_came():
+def test_agents_are_changed_after_they_have_come():
     def hurry(ctx):
         for agent in ctx.agent.create_iter():
             agent.speed = 1.0 + ctx.game.turn

@@ -50,7 +50,6 @@ def check(scenario, rules, seeds=(3, 1, 2, 8), order=None, strategies=None, **op
                 games.step()
             games.reset([1])
             games.run()
-            assert not games.detached
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 result = alone.game.run()
@@ -81,15 +80,13 @@ def test_games_that_go_on_know_agents_that_were_deleted_before():
             assert_as_alone(games, alone)
 
 
-def test_agents_of_one_name_that_one_row_cannot_hold_are_refused():
+def test_agents_of_one_name_differ_between_games():
     def settle(ctx):
         if ctx.game.turn == 1:
             ctx.agent.create_agent("new", start_node_id=0, team=("red", "blue")[ctx.seed % 2])
 
-    with made().build(seed=1) as ctx:
-        ctx.game.add(settle)
-        with ctx.game.batch(2) as games, pytest.raises(BadValue, match="'new' differs between the games of a batch"):
-            games.run()
+    results = check(made(), [(settle, "after"), (look_around, "after")])
+    assert {result.agents["new"]["team"] for result in results} == {"red", "blue"}
 
 
 def test_agents_without_reserved_rows_are_not_observed_and_follow_their_strategies():
@@ -179,7 +176,6 @@ def test_games_with_changing_agents_are_recorded_and_shown(scouted, tmp_path):
         for number in range(3):
             assert plain(games.context(number).game.result()) == plain(games.result(number))
         games.run()
-        assert not games.detached
         games.record(1, tmp_path / "batch.ggr")
         assert games.result(1) == scouted.play(seed=1, record=tmp_path / "alone.ggr")
     assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
@@ -189,7 +185,6 @@ def test_agents_change_in_games_on_several_maps(scouted):
     maps = [{"grid": {"width": width, "height": 5}} for width in (4, 6)]
     with scouted.batch(6, maps=maps) as games:
         games.run()
-        assert not games.detached
         assert_as_played(games, scouted, maps=maps)
 
 
@@ -221,7 +216,7 @@ def test_a_flag_whose_carrier_was_deleted_is_dropped_at_its_base():
                 assert [one["node"] for one in games.result(number).events if one["kind"] == "drop"] == [24]
 
 
-def test_a_run_leaves_games_alone_in_which_agents_have_names_of_their_own():
+def test_games_in_which_agents_come_without_reserved_rows_are_played_alone():
     def recruit(ctx):
         if ctx.game.turn % 3 == 0:
             node = ctx.game.agents[0].current_node_id
@@ -232,10 +227,24 @@ def test_a_run_leaves_games_alone_in_which_agents_have_names_of_their_own():
         with ctx.game.batch(seeds=range(6)) as games, ctx.game.fork(0).ctx as alone:
             games.run(max_turns=5)
             games.run()
-            assert games.detached
-            assert 0 not in games.detached  # whose agents are known from playing it ahead
-            assert all("creates agents whose names" in why for why in games.detached.values())
+            assert [*games.detached] == [*range(6)]
+            assert all("creates agents for which most_agents= has" in why for why in games.detached.values())
             assert_as_alone(games, alone)
             games.reset()
+            assert not games.detached
             games.run()
+            assert_as_alone(games, alone)
+
+
+def test_games_in_which_agents_come_with_reserved_rows_stay_in_the_core():
+    def recruit(ctx):
+        if ctx.game.turn == 2 + ctx.seed % 3:
+            ctx.agent.create_agent(f"new_{ctx.seed % 2}", start_node_id=ctx.seed, team="red", strategy=timid)
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(recruit)
+        reserved = {"red": ["new_0", "new_1"]}
+        with ctx.game.batch(seeds=range(6), most_agents=reserved) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
             assert_as_alone(games, alone)

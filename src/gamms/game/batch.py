@@ -33,8 +33,7 @@ from gamms.game.block.columns import (
     BYTES_PER_NAME,
     BYTES_PER_PLAYER,
     AgentTable,
-    ComingAgent,
-    NewAgents,
+    BeginsAgain,
     PlayedGame,
     drawn_maps,
     roster_of,
@@ -54,7 +53,6 @@ from gamms.progress import TurnInterrupted, uninterrupted
 from gamms.progress import progress as progress_line
 from gamms.readonly import Immutable, NotPickled, locked
 from gamms.text import shown
-from gamms.typing.agent_engine import IAgent
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
@@ -295,8 +293,8 @@ class Batch(Surface, Immutable, NotPickled):
         try:
             with nullcontext() if is_single else separate.undoing_after_error():
                 engine.step(given, threads, play_others=play_others)
-        except NewAgents as error:
-            self._begin_with(error.agents)
+        except BeginsAgain:
+            self._begin_again()
             self._play_turn(given, threads, self._engine.turns())
 
     def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
@@ -305,53 +303,25 @@ class Batch(Surface, Immutable, NotPickled):
         for number, why in leaving.items():
             self._separate.add(number, why, int(before[number]))
 
-    def _begin_with(self, agents: Sequence[IAgent]) -> None:
-        """Play all games again up to the last turn, with rows for agents that rules have created or will create."""
+    def _begin_again(self) -> None:
+        """Play all games again up to the last turn, because other functions are called from now on."""
         self._engine.release()
-        likely = [] if self._ran_from is None else self._agents_ahead()
-        self._rosters = [roster.with_more(agents, likely) for roster in self._rosters]
-        self._roster = self._rosters[0]
-        self._first_nodes = [
-            roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
-        ]
         engine = self._made_engine()
         engine.stop_at = self._engine.stop_at
-        engine.add_rows(adds_rows=self._ran_from is None)  # a run has looked ahead, and plays all turns again only once
         self._engine = engine
-        self._separate.move_to(engine, self._roster)
+        self._separate.move_to(engine)
         for place, given in enumerate(self._log):
             turns = engine.turns()
             try:
                 engine.step(given, only=self._begun <= place)
-            except NewAgents as error:
-                self._begin_with(error.agents)
+            except BeginsAgain:
+                self._begin_again()
                 return
             except GammsError:
                 raise
             except Exception:
                 if (engine.turns() == turns).all():  # otherwise a rule has raised when all had moved, as before
                     raise
-
-    def _agents_ahead(self) -> list[ComingAgent]:
-        """Return agents like those that rules create in the first game, which is played by itself to its end."""
-        # NOTE: a row for each agent that comes costs all turns so far, unless it is known from another one: with a new
-        # agent in every fifth of 60 turns, a batch took 8 times as long as the games alone.
-        number = int(self.maps[0])
-        own = self._own[number]
-        own.remove()
-        game = self._sources[number].game
-        start = game.snapshot()
-        last = self._engine.last_turn(0)
-        found: dict[str, ComingAgent] = {}
-        try:
-            game.reset(seed=self.seeds[0])
-            with self._playing_alone(0, game), suppress(Exception):  # which the batch raises in its turn
-                while (last is None or game.turn < last) and game.step():
-                    agents = game.ctx.agent.agents.items()
-                    found |= {name: ComingAgent.like(one, name) for name, one in agents if name not in found}
-        finally:
-            game.restore(start)
-        return [agent._replace(is_reserved=False) for agent in found.values()]
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
@@ -426,7 +396,6 @@ class Batch(Surface, Immutable, NotPickled):
                 self._run_in_core(num_threads, show)
             finally:
                 self._ran_from = None
-                self._engine.add_rows(adds_rows=True)
             with self._watching():
                 for _ in self._separate.run():
                     if show is not None:

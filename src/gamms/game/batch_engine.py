@@ -19,9 +19,9 @@ from gamms.game.array_functions.view import ArrayStrategy, ArrayView, TowardsInB
 from gamms.game.block.channels import MessageTraffic, radio_of
 from gamms.game.block.columns import (
     AgentTable,
+    BeginsAgain,
     ComingAgent,
     Failure,
-    NewAgents,
     PlayedGame,
     decider_of,
     in_threads,
@@ -327,7 +327,7 @@ class GamesOnOneMap:
                 except TowardsInBatch:
                     for number in group.agents.tolist():
                         call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
-                    raise NewAgents([]) from None
+                    raise BeginsAgain("view.towards is asked game by game.") from None
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
@@ -693,11 +693,6 @@ class BatchEngine(TurnDriver):
         """The functions that it calls."""
         return [function for one in self._maps for function in one.functions]
 
-    def add_rows(self, *, adds_rows: bool) -> None:
-        """Set `GameArrays.adds_rows` on all maps."""
-        for one in self._maps:
-            one.state.adds_rows = adds_rows
-
     @property
     def may_leave(self) -> bool:
         """Whether functions are called, which may move games to contexts of their own."""
@@ -802,7 +797,7 @@ class BatchEngine(TurnDriver):
                 have not played this turn here.
 
         Raises:
-            NewAgents: rules have created agents that have no rows; the games have to begin again.
+            BeginsAgain: array functions are called game by game from now on; the games have to begin again.
         """
         is_over = self.is_over
         playing = ~(is_over | self._state.is_apart)
@@ -842,7 +837,7 @@ class BatchEngine(TurnDriver):
         began = perf_counter()
         try:
             yield
-        except NewAgents:
+        except BeginsAgain:
             raise
         except TurnInterrupted:
             for undo in undoing_interrupted:

@@ -227,8 +227,7 @@ class ComingAgent(NamedTuple):
         name, team, type, speed: the properties of the agent.
         strategy: its strategy, of which only the array form counts.
         sensors: the sensors that agents of this name carry in some game, by name.
-        is_reserved: whether the caller has reserved the row; else a rule has created the agent.
-        is_known: whether a rule has created the agent in some game; else it is like another agent of its team.
+        is_reserved: whether the caller has reserved the row; else the agent was deleted before the batch.
     """
 
     name: str
@@ -238,18 +237,17 @@ class ComingAgent(NamedTuple):
     strategy: Any
     sensors: Mapping[str, Any]
     is_reserved: bool = False
-    is_known: bool = True
 
     @classmethod
     def like(cls, agent: IAgent, name: str) -> "ComingAgent":
         """Return a reserved agent of this name that is probably like another one."""
         own = agent.team, agent.type, agent.speed, agent.strategy, sensors_of(agent)
-        return cls(name, *own, is_reserved=True, is_known=False)
+        return cls(name, *own, is_reserved=True)
 
     @classmethod
     def departed(cls, name: str, team: Hashable) -> "ComingAgent":
         """Return an agent that was deleted before the batch."""
-        return cls(name, team, AgentType.BASIC, None, None, {}, is_known=False)
+        return cls(name, team, AgentType.BASIC, None, None, {})
 
     def fits(self, agent: "IAgent | ComingAgent") -> bool:
         """Return whether an agent that was created can take this row."""
@@ -257,33 +255,9 @@ class ComingAgent(NamedTuple):
         forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
         return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
 
-    def joined(self, agent: IAgent) -> "ComingAgent":
-        """Return a copy of this agent whose row can also hold another agent of its name, maybe in another game.
 
-        Raises:
-            BadValue: the agents differ in a way that one row cannot hold.
-        """
-        known = agent.team, agent.type, agent.speed, agent.strategy
-        found = ComingAgent(self.name, *known, {**self.sensors, **sensors_of(agent)}, self.is_reserved)
-        if self.is_known and not found._replace(sensors=self.sensors).fits(self):
-            raise BadValue(
-                f"Agent {shown(self.name)} differs between the games of a batch: it has team {shown(self.team)}, "
-                f"{self.type.name}, speed {self.speed} in one, and team {shown(agent.team)}, {agent.type.name}, speed "
-                f"{agent.speed} in another. Give them different names, or play the games alone: scenario.play(seed=…)."
-            )
-        return found
-
-
-class NewAgents(GammsError):
-    """Rules have created agents that have no rows in a batch.
-
-    Attributes:
-        agents: the created agents.
-    """
-
-    def __init__(self, agents: Sequence[IAgent]) -> None:
-        super().__init__(f"Rules have created {shown([agent.name for agent in agents])}.")
-        self.agents = agents
+class BeginsAgain(GammsError):
+    """Array functions are called game by game from now on: all games play their turns again."""
 
 
 class AgentTable(NamedTuple):
@@ -313,15 +287,12 @@ class AgentTable(NamedTuple):
     flies: BoolArray
 
     @classmethod
-    def of(
-        cls, agents: Iterable[IAgent], coming: Iterable[ComingAgent] = (), varying: Collection[str] = ()
-    ) -> "AgentTable":
+    def of(cls, agents: Iterable[IAgent], coming: Iterable[ComingAgent] = ()) -> "AgentTable":
         """Return the roster of the agents, and of agents that rules may create.
 
         Args:
             agents: the agents of the start.
             coming: the agents that may come.
-            varying: the names of agents that are deleted in some game, and created again.
         """
         named: dict[str, Any] = {agent.name: agent for agent in sorted(agents, key=lambda agent: agent.name)}
         named |= {agent.name: agent for agent in coming}
@@ -332,15 +303,9 @@ class AgentTable(NamedTuple):
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
         is_first = np.array([not isinstance(agent, ComingAgent) for agent in ordered], np.bool_)
         is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
-        varies = ~is_first | np.array([name in varying for name in names], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        masks = [locked(one) for one in (is_first, is_public, varies, flies)]
+        masks = [locked(one) for one in (is_first, is_public, ~is_first, flies)]
         return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
-
-    @property
-    def coming(self) -> dict[str, ComingAgent]:
-        """The agents that rules may create, by name."""
-        return {agent.name: agent for agent in self.agents if isinstance(agent, ComingAgent)}
 
     def can_hold(self, agent: IAgent) -> bool:
         """Return whether an agent that was created in a game can take the row of its name."""
@@ -350,34 +315,8 @@ class AgentTable(NamedTuple):
         known = self.agents[number]
         if isinstance(known, ComingAgent):
             return known.fits(agent)
-        own = sensors_of(agent)
-        is_same = known.strategy is agent.strategy and sensors_of(known) == own
-        may_vary = is_same or bool(self.varies[number])
-        return may_vary and ComingAgent.like(known, agent.name)._replace(sensors=own).fits(agent)
-
-    def with_more(self, agents: Iterable[IAgent], likely: Iterable[ComingAgent] = ()) -> "AgentTable":
-        """Return the roster with rows for agents that were created.
-
-        Args:
-            agents: the created agents.
-            likely: agents that probably come later; others of their names may come instead.
-
-        Raises:
-            BadValue: an agent differs from another one of its name in a way that one row cannot hold.
-        """
-        coming = self.coming
-        first = {agent.name: agent for agent in self.agents if not isinstance(agent, ComingAgent)}
-        varying = {name for name, varies in zip(self.names, self.varies.tolist(), strict=True) if varies}
-        for agent in agents:
-            name = agent.name
-            if name in first:
-                ComingAgent.like(first[name], name)._replace(is_known=True).joined(agent)
-                varying.add(name)
-                continue
-            known = coming.get(name) or ComingAgent.like(agent, name)._replace(is_reserved=False)
-            coming[name] = known.joined(agent)
-        coming |= {agent.name: agent for agent in likely if agent.name not in {**coming, **first}}
-        return AgentTable.of(first.values(), coming.values(), varying)
+        is_same = known.strategy is agent.strategy and sensors_of(known) == sensors_of(agent)
+        return is_same and ComingAgent.like(known, agent.name).fits(agent)
 
     def first_nodes(self, game: PlayedGame) -> list[int]:
         """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.

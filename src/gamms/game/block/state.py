@@ -375,8 +375,6 @@ class GameArrays:
         is_apart: (games,) whether each game is played in a context of its own.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
         leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
-        adds_rows: whether all games begin again, with more rows, when an agent comes whose name has no row; else the
-            game in which it comes leaves.
         noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
         flights: the flying agents; None: no agent flies.
         noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
@@ -435,7 +433,6 @@ class GameArrays:
         self.is_apart = np.zeros(games, np.bool_)
         self.stop = np.zeros(1, np.int64)
         self.leaving: dict[int, str] = {}
-        self.adds_rows = True
         self.radio: MessageTraffic | None = None
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}

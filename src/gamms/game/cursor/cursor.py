@@ -14,7 +14,6 @@ from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.channels import MessageTraffic
 from gamms.game.block.columns import (
     Failure,
-    NewAgents,
     PlayedGame,
 )
 from gamms.game.block.in_core import CoreGames
@@ -298,8 +297,6 @@ class Cursor:
             turns.is_moving = False
             self._shown.part = None
         self._have_left(games)
-        if self._shown.new_agents:
-            raise NewAgents(self._shown.new_agents)
         self._state.now.clear()
 
     def _call(self, function: Callable[[], object]) -> None:

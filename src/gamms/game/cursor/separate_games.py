@@ -19,6 +19,7 @@ from gamms.game.block.state import GameArrays
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
+from gamms.game.snapshots import Snapshot
 from gamms.ir.game_state import in_conflict
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -58,12 +59,12 @@ class SeparateGames:
         self._results: dict[int, Result] = {}  # of games whose contexts have ended
         self._unobserved: set[int] = set()  # whose places are not in the columns
         self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
-        self.move_to(engine, roster)
-
-    def move_to(self, engine: BatchEngine, roster: AgentTable) -> None:
-        """Let another engine play the other games, with other agents."""
-        self._engine = engine
         self._roster = roster
+        self.move_to(engine)
+
+    def move_to(self, engine: BatchEngine) -> None:
+        """Let another engine play the other games."""
+        self._engine = engine
         for number in self.reasons:
             engine.set_apart(number, self._turns[number])
             self._unobserved.add(number)
@@ -189,7 +190,7 @@ class SeparateGames:
             game = self.game(number)
             self.ran_from[number] = game.turn
             last = self._engine.last_turn(number)
-            before = game.snapshot()
+            before = game.snapshot() if had_context else None
             try:
                 with self._played(number, game):
                     game.run(None if last is None else max(0, last - game.turn))
@@ -197,13 +198,22 @@ class SeparateGames:
                 raise
             except BaseException:
                 del self.ran_from[number]
-                game.restore(before)
-                self._note(number)
+                self._take_back(number, game, before)
                 raise
             if not had_context and self._engine.is_over[number]:
                 self._settle(number)
                 self._let_go(number, self._games.pop(number))
             yield number
+
+    def _take_back(self, number: int, game: PlayedGame, before: Snapshot | None) -> None:
+        """Let a game go back to a snapshot; None: it had no context, and gets one again when it is needed."""
+        if before is not None:
+            game.restore(before)
+            self._note(number)
+            return
+        self._end(number)
+        self._engine.set_apart(number, self._turns[number])
+        self._unobserved.add(number)
 
     @contextmanager
     def _played(self, number: int, game: PlayedGame) -> Iterator[None]:

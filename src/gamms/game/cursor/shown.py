@@ -40,7 +40,6 @@ from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
-from gamms.typing.agent_engine import IAgent
 
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
@@ -183,7 +182,6 @@ class ShownGame:
         part: the part of the turn in which agents are about to move; None: they are not.
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
-        new_agents: agents without rows that functions have created.
     """
 
     block: AgentBlock
@@ -210,7 +208,6 @@ class ShownGame:
         self.part: int | None = None
         self.have_joined = False
         self.has_ended = False
-        self.new_agents: list[IAgent] = []
         pointed.hold()
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
         self.looks = GuardedDict({}, None, self.leave, "what agents have sensed")
@@ -282,7 +279,6 @@ class ShownGame:
         """Go on with the part of the turn in which another object has shown games."""
         self.part = before.part
         self.have_joined = before.have_joined
-        self.new_agents = before.new_agents
 
     def leave(self, what: str) -> NoReturn:
         """Move the current game to a context of its own; the argument says why, in words."""
@@ -600,11 +596,9 @@ class ShownGame:
             self._take_rng(rng)
         is_other = phase.epoch != self._epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
-        block: AgentBlock | None = self.block
+        block = self.block
         if journal.log or journal.progressed or are_changed:
             block = self._take_agents(journal)
-            if block is None:
-                return
         if self._read:
             self._take_logs(self._read)
         if self._pointed.map.changes() != self._pointed.map_changes:
@@ -622,11 +616,11 @@ class ShownGame:
         if self._has_drawn:
             self.leave("draws from ctx.rng, as the code of the scenario does")
 
-    def _take_population(self) -> AgentBlock | None:
+    def _take_population(self) -> AgentBlock:
         """Store the agents that a function has created or deleted for its game.
 
         Returns:
-            The block with the changes of the function; None: some agents have no rows, and games have to begin again.
+            The block with the changes of the function.
         """
         number = self._pointed.number
         before = self._population
@@ -638,17 +632,10 @@ class ShownGame:
         changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
         self._turns.note_departed()
         self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
-        if not self._state.adds_rows and any(agent.name not in self.number_of for agent in new):
-            self.leave("creates agents whose names neither game 0 nor the other games of the batch know")
-        unfit = [agent for agent in new if not roster.can_hold(agent)]
-        unfit += [agent for agent in changed if not roster.varies[self.number_of[agent.name]]]
-        if unfit:
-            self.new_agents += unfit
-            before.renew_journal()
-            self._pointed.show(before)
-            self._take_shown()
-            self._fixed = self._what_is_fixed()
-            return None
+        if not all(map(roster.can_hold, new)):
+            self.leave("creates agents for which most_agents= has reserved no rows")
+        if not all(roster.varies[self.number_of[agent.name]] for agent in changed):
+            self.leave("changes strategies or sensors of agents")
         self._attributes.keep(self.own_row())
         row = self.own_row()
         if row.moved is None or row.moved[0] != self._moment:
@@ -710,14 +697,10 @@ class ShownGame:
             self.leave("sets scores that are no numbers")
         columns.put(self._pointed.number, scores)
 
-    def _take_agents(self, journal: Journal) -> AgentBlock | None:
-        """Store the changes of agents; return their block; None: games have to begin again."""
+    def _take_agents(self, journal: Journal) -> AgentBlock:
+        """Store the changes of agents; return their block."""
         self._pointed.part_from_others()
-        changed = None
-        if self._pointed.has_other_agents():
-            changed = self._take_population()
-            if changed is None:
-                return None
+        changed = self._take_population() if self._pointed.has_other_agents() else None
         self._take_changes(journal, changed)
         return changed or self.block
 
