@@ -395,3 +395,48 @@ def steps_of(function):
                 yield "calls a strategy"
             if called == "now.play" or "named.rule" in (called, *(ast.unparse(one) for one in node.args[:1])):
                 yield "calls a rule"
+
+
+def attributes_set_by(method):
+    """Return the names of the attributes of `self` that a method sets."""
+    return {
+        node.attr
+        for node in ast.walk(method)
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and ast.unparse(node.value) == "self"
+    }
+
+
+def test_objects_have_most_of_their_attributes_from_the_beginning():
+    """At most 15 attributes are set by other methods than `__init__`; those of the core are declared in its headers."""
+    late = {}
+    packages = {"game", "rules", "strategies", "belief"}
+    for path in MODULES:
+        for node in nodes_of(path) if packages.intersection(path.parts) else ():
+            if isinstance(node, ast.ClassDef):
+                methods = [one for one in node.body if isinstance(one, ast.FunctionDef)]
+                of = {
+                    is_init: set().union(
+                        *(attributes_set_by(one) for one in methods if (one.name == "__init__") is is_init)
+                    )
+                    for is_init in (True, False)
+                }
+                late[f"{shown(path)} {node.name}"] = len(of[False] - of[True])
+    assert {name: number for name, number in late.items() if number > 15} == {}
+
+
+def test_what_handles_all_columns_of_a_batch_names_none():
+    """A new column is declared once: starts, checkpoints and `columns()` follow from its declaration."""
+    state = next(path for path in MODULES if path.parts[-3:] == ("game", "block", "state.py"))
+    tree = tree_of(state)
+    table = next(line.value for line in tree.body if isinstance(line, ast.Assign) and line.targets[0].id == "COLUMNS")
+    columns = {entry.args[0].value for entry in table.elts}
+    assert {"node", "turn"} < columns
+    of_games = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "GameArrays")
+    named = {
+        (method.name, node.attr)
+        for method in of_games.body
+        if isinstance(method, ast.FunctionDef) and method.name in ("reset", "checkpoint", "_remembered")
+        for node in ast.walk(method)
+        if isinstance(node, ast.Attribute) and node.attr in columns and ast.unparse(node.value) == "self"
+    }
+    assert named == set()

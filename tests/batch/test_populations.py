@@ -7,7 +7,6 @@ import pytest
 from batch_scenes import WALK, assert_as_alone, assert_as_played, plain, scene
 
 from gamms import rl
-from gamms.errors import BadValue
 from gamms.rules import tag
 from gamms.scenario import Scenario
 

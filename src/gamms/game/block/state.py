@@ -3,12 +3,12 @@
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from copy import copy, deepcopy
+from copy import deepcopy
 from functools import partial
 from itertools import chain
 from operator import itemgetter
 from sys import float_info
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -348,13 +348,49 @@ class MapData(NamedTuple):
     shared: dict[Hashable, Any]
 
 
-class GameArrays:
-    """The state of all games of a batch.
+class GameColumn(NamedTuple):
+    """A column with a row for each game of a batch.
 
     Attributes:
+        name: its name.
+        kind: the type of its values.
+        axis: "agent", "team" or "game": a row has a value for each of them.
+        begins: what a game begins with: the name of values of `GameArrays.reset`; "": zeros.
+        is_loaded: whether `columns` returns the column, and `load` sets it.
+    """
+
+    name: str
+    kind: type
+    axis: str = "agent"
+    begins: str = ""
+    is_loaded: bool = False
+
+
+COLUMNS = (
+    GameColumn("node", np.int64, begins="start", is_loaded=True),
+    GameColumn("start", np.int64, begins="home", is_loaded=True),
+    GameColumn("previous", np.int64, begins="start"),
+    GameColumn("alive", np.bool_, begins="is_first", is_loaded=True),
+    GameColumn("is_there", np.bool_, begins="is_first", is_loaded=True),
+    GameColumn("plays", np.bool_, "team", "plays"),
+    GameColumn("turn", np.int64, "game"),
+    GameColumn("is_going", np.bool_, "game", "is_going"),
+    GameColumn("stops", np.int64),
+    GameColumn("blocked", np.bool_),
+    GameColumn("placed", np.bool_),
+    GameColumn("fell", np.bool_),
+)
+"""The columns of all games. Starts, checkpoints, `columns` and `load` follow from these entries."""
+
+
+class BatchColumns:
+    """The columns that the games on all maps of a batch share.
+
+    Args:
         roster: the agents of each game.
-        movement: the movement of the agents.
-        streets: the graph on which agents move.
+        seeds: the seed of each game.
+
+    Attributes:
         seeds: the seed of each game.
         node: (games, agents) the row of the current node of each agent.
         start: (games, agents) the row of its start node; -1: it was not in the game at the start.
@@ -368,62 +404,48 @@ class GameArrays:
         errors: game -> its error entries in order.
         failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
             together with its own.
-        tell: called with each failure, to inform the agent.
-        deeds: the deeds that agents may do besides moving.
         deed_log: the log of deeds; None: the games declare no deeds.
         radio: the channels and their messages; None: the games have no channels.
         is_apart: (games,) whether each game is played in a context of its own.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
         leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
-        noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
         flights: the flying agents; None: no agent flies.
-        noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
-        sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
-        sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
-        covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
-        look: calls these sensors in games; None: they were called already.
-        reading: returns the context manager in which sensors are called.
-        change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
         over: for each game, the reason, winner and truncation of its end; None while it continues.
         is_going: (games,) whether each game continues.
-        roads: the open roads of each game.
         stops: (games, agents) how often each agent was tagged, respawned or eliminated.
         headings: for each game, agent number -> heading set during the game; see `AgentBlock`.
         turning: (game, agent, heading) triples chosen in the current part of the turn.
         placed: (games, agents) whether a rule has placed the agent since its move in this turn.
         fell: (games, agents) whether a rule of the phase "deeds" has eliminated the agent in this turn.
         numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
-        kept: the memory of rules and strategies: key -> name -> array (games, …).
-        first: the memory of turns before the batch, as `kept`, but arrays of one game.
-        unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
-        facts: the facts that rules have published, by name.
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
-        shared: data computed once for all games, by key; independent of the state.
-        searches: find the agents that plain sensors show, by the names of the sensors.
-        now: data computed from the current state, by key; cleared when the state changes.
-        no_node: (games,) zeros: the number of the first node, for games on one map.
-        memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
     """
 
-    def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
-        self.roster = roster
+    node: IntArray
+    start: IntArray
+    previous: IntArray
+    alive: BoolArray
+    is_there: BoolArray
+    plays: BoolArray
+    turn: IntArray
+    is_going: BoolArray
+    stops: IntArray
+    blocked: BoolArray
+    placed: BoolArray
+    fell: BoolArray
+
+    def __init__(self, roster: AgentTable, seeds: Sequence[int]) -> None:
         self.seeds = list(seeds)
         games = len(seeds)
-        shape = (len(seeds), len(roster.names))
-        self.start, self.node, self.previous = np.zeros((3, *shape), np.int64)
-        self.alive, self.is_there = np.zeros((2, *shape), np.bool_)
-        self.plays = np.zeros((games, len(roster.teams)), np.bool_)
-        self.turn = np.zeros(games, np.int64)
+        shape = (games, len(roster.names))
+        shapes = {"agent": shape, "team": (games, len(roster.teams)), "game": (games,)}
+        for one in COLUMNS:
+            setattr(self, one.name, np.zeros(shapes[one.axis], one.kind))
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors = defaultdict[int, list[dict[str, Any]]](list)
         self.over = list[dict[str, Any] | None]([None] * games)
-        self.is_going = np.zeros(games, np.bool_)
-        self.stops = np.zeros(shape, np.int64)
-        self.blocked = np.zeros(shape, np.bool_)
-        self.placed = np.zeros(shape, np.bool_)
-        self.fell = np.zeros(shape, np.bool_)
         self.flights = Flights(roster, games) if roster.flies.any() else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
@@ -437,12 +459,63 @@ class GameArrays:
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
-        self._seeds: IntArray | None = None  # as an array
-        self._be_on(movement)
-        self.reset(np.arange(games), seeds, start)
+        self._shared = (*vars(self), "_shared")  # the names of all these
 
-    def _be_on(self, movement: Movement) -> None:
-        """Initialize the attributes that depend on the map."""
+    def values_of_all_maps(self) -> dict[str, Any]:
+        """Return the attributes that the state of the games on another map has, too, by name."""
+        return {name: getattr(self, name) for name in self._shared}
+
+
+class GameArrays(BatchColumns):
+    """The state of all games of a batch, seen from one map.
+
+    Args:
+        roster: the agents of each game.
+        movement: the movement of the agents on the map.
+        seeds: the seed of each game.
+        start: (games, agents) the rows of the nodes on which games begin; None: they have begun.
+        columns: the columns that the games on other maps have, too; None: new ones.
+
+    Attributes:
+        roster: the agents of each game.
+        movement: the movement of the agents.
+        streets: the graph on which agents move.
+        tell: called with each failure, to inform the agent.
+        deeds: the deeds that agents may do besides moving.
+        noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
+        noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
+        sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
+        sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
+        covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
+        look: calls these sensors in games; None: they were called already.
+        reading: returns the context manager in which sensors are called.
+        change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
+        roads: the open roads of each game.
+        kept: the memory of rules and strategies: key -> name -> array (games, …).
+        first: the memory of turns before the batch, as `kept`, but arrays of one game.
+        unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
+        facts: the facts that rules have published, by name.
+        shared: data computed once for all games, by key; independent of the state.
+        searches: find the agents that plain sensors show, by the names of the sensors.
+        now: data computed from the current state, by key; cleared when the state changes.
+        no_node: (games,) zeros: the number of the first node, for games on one map.
+        memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
+    """
+
+    def __init__(
+        self,
+        roster: AgentTable,
+        movement: Movement,
+        seeds: Sequence[int],
+        start: IntArray | None,
+        columns: BatchColumns | None = None,
+    ) -> None:
+        if columns is None:
+            super().__init__(roster, seeds)
+        else:
+            vars(self).update(columns.values_of_all_maps())
+        self.roster = roster
+        self._seeds: IntArray | None = None  # as an array
         movement.begin(self.node.shape)
         self.movement = movement
         if self.flights is not None:
@@ -471,13 +544,12 @@ class GameArrays:
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
+        if start is not None:
+            self.reset(np.arange(len(seeds)), seeds, start)
 
-    def on_map(self, movement: Movement, roster: AgentTable) -> Self:
-        """Return a state of the same games on another map; it shares all attributes that do not depend on the map."""
-        twin = copy(self)
-        twin.roster = roster
-        twin._be_on(movement)
-        return twin
+    def on_map(self, movement: Movement, roster: AgentTable) -> "GameArrays":
+        """Return the state of the same games seen from another map."""
+        return GameArrays(roster, movement, self.seeds, None, self)
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -494,15 +566,13 @@ class GameArrays:
                 self.headings[game] = {}
             self.over[game] = None
         those = index_games(games)
-        self.start[those] = np.where(self.roster.is_first, start, -1)
-        self.node[those] = start
-        self.previous[those] = start
-        self.alive[those] = self.roster.is_first
-        self.is_there[those] = self.roster.is_first
+        is_first = self.roster.is_first
         plays = np.zeros(len(self.roster.teams), np.bool_)
-        plays[self.roster.team_of[self.roster.is_first]] = True
-        self.plays[those] = plays
-        self.is_going[those] = True
+        plays[self.roster.team_of[is_first]] = True
+        home = np.where(is_first, start, -1)
+        values = {"start": start, "home": home, "is_first": is_first, "plays": plays, "is_going": True}
+        for one in COLUMNS:
+            getattr(self, one.name)[those] = values[one.begins] if one.begins else 0
         self.put_roads(games, None)
         self.movement.clear(games)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
@@ -570,17 +640,19 @@ class GameArrays:
         return {name: one.copy() for name, one in self._remembered().items()}
 
     def _remembered(self) -> Columns:
-        found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
-        if not self.roster.is_first.all():
-            found["plays"] = self.plays
+        are_all_first = self.roster.is_first.all()
+        found: Columns = {
+            one.name: getattr(self, one.name)
+            for one in COLUMNS
+            if one.is_loaded or (one.axis == "team" and not are_all_first)  # else all teams play in all games
+        }
         found.update(dict[Hashable, Any](self.numbers))
         if self.flights is not None:
             found.update(dict[Hashable, Any](self.flights.remembered))
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
-        if any("stops" in those for those in self.kept.values()):  # a rule compares `stops` with earlier values
-            found["stops"] = self.stops
-        return found
+        earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
+        return found | {one.name: getattr(self, one.name) for one in COLUMNS if one.name in earlier}
 
     def refuse_others(self, columns: Columns) -> None:
         """Refuse columns whose names, shapes, data types or values do not fit the columns of these games."""
@@ -728,19 +800,7 @@ class GameArrays:
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
         """Return a function that undoes all later changes, including changes to the columns in `more`."""
         by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
-        columns = [
-            self.node,
-            self.previous,
-            self.alive,
-            self.is_there,
-            self.plays,
-            self.start,
-            self.turn,
-            self.stops,
-            self.placed,
-            self.blocked,
-            self.is_going,
-        ]
+        columns = [getattr(self, one.name) for one in COLUMNS]
         columns += [
             *more,
             *(getattr(self.movement, name) for name in self.movement.remembers),
