@@ -1270,7 +1270,7 @@ class BatchEngine(TurnDriver):
             scores=state.scores.of(game),
             events=[dict(event) for event in state.events.of(game)],
             agents=agents,
-            errors=[dict(error) for error in state.errors[game]],
+            errors=[dict(error) for error in state.errors.of(game)],
             deeds=[] if self._deed_log is None else [dict(deed) for deed in self._deed_log.of(game)],
             collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
             messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],

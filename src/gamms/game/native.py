@@ -532,7 +532,7 @@ class GameInCore:
             now = before.show(values, turn - 1)
             self._show_agents()
             self._show_memories(values)
-            self._show_blocked(values, self._state.errors[0][len(values.errors) :])
+            self._show_blocked(values, self._state.errors.of(0)[len(values.errors) :])
             self._shown = turn - 1
             try:
                 turns.is_playing = True
@@ -620,7 +620,7 @@ class GameInCore:
                 values.scores[team] = points
         events = state.events.of(0)[len(values.events) :]
         values.events += events
-        errors = state.errors[0][len(values.errors) :]
+        errors = state.errors.of(0)[len(values.errors) :]
         values.errors += errors
         if state.over[0] is not None:
             values.over = dict(state.over[0])

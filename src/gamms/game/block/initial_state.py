@@ -248,8 +248,7 @@ class InitialState:
             state.flights.begin(games, starts, self._poses, self._have_flown)
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
-        for game in games.tolist() if self._errors else ():
-            state.errors[game] += self._errors
+        state.errors.begin(games, self._errors)
         state.events.begin(games, self._events)
         if state.radio is not None:
             state.radio.go_on(games, self._messages, self.turn)

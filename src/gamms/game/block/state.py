@@ -1,6 +1,5 @@
 """The state of the games of a batch: positions, scores, events, deeds, and the memory of rules and strategies."""
 
-from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from copy import deepcopy
@@ -278,6 +277,28 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
 
 
+class ErrorLog(GameLog[tuple[Failure, int]]):
+    """The log of the errors of agents in all games.
+
+    Args:
+        num_games: the number of games in the batch.
+        names: the names of the agents.
+    """
+
+    def __init__(self, num_games: int, names: Sequence[str]) -> None:
+        super().__init__(num_games)
+        self._names = names
+
+    def add(self, failure: Failure, turn: int) -> None:
+        """Log an error in a turn."""
+        self._pending.append((failure, turn))
+
+    def _entries(self, noted: tuple[Failure, int]) -> Iterator[tuple[int, dict[str, Any]]]:
+        failure, turn = noted
+        name = self._names[failure.agent]
+        yield failure.game, {"turn": turn, "agent": name, "kind": failure.kind, "message": failure.message}
+
+
 def _tell_nobody(failure: Failure) -> None:
     """Do nothing; the default of `GameArrays.tell`."""
 
@@ -401,7 +422,7 @@ class BatchColumns:
         turn: (games,) the number of turns played.
         scores: key -> (games,) numbers.
         counts: name -> (games, agents) the numbers of moves, conflicts and illegal actions.
-        errors: game -> its error entries in order.
+        errors: the errors of agents in all games.
         failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
             together with its own.
         deed_log: the log of deeds; None: the games declare no deeds.
@@ -444,7 +465,7 @@ class BatchColumns:
             setattr(self, one.name, np.zeros(shapes[one.axis], one.kind))
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
-        self.errors = defaultdict[int, list[dict[str, Any]]](list)
+        self.errors = ErrorLog(games, roster.names)
         self.over = list[dict[str, Any] | None]([None] * games)
         self.flights = Flights(roster, games) if roster.flies.any() else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
@@ -561,7 +582,6 @@ class GameArrays(BatchColumns):
             if self.seeds[game] != seed:
                 self.seeds[game] = seed
                 changed.append(place)
-            self.errors.pop(game, None)
             if self.headings[game]:
                 self.headings[game] = {}
             self.over[game] = None
@@ -599,7 +619,7 @@ class GameArrays(BatchColumns):
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
         """The logs that hold entries of many games as arrays."""
-        yield from (log for log in (self.events, self.radio, self.deed_log) if log is not None)
+        yield from (log for log in (self.events, self.errors, self.radio, self.deed_log) if log is not None)
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Set the map of games, on which other roads are open; None: the map of the start."""
@@ -757,7 +777,6 @@ class GameArrays(BatchColumns):
         self.is_going[games] = True
         self.blocked[:] = False
         self.over[:] = [None] * len(self)
-        self.errors.clear()
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[:] = 0
         for key, points in scores.items():
@@ -814,7 +833,6 @@ class GameArrays(BatchColumns):
         over = [*self.over]
         headings = [*self.headings]
         undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
-        num_errors = {game: len(errors) for game, errors in self.errors.items()}
 
         def undo() -> None:
             for column, values in zip(columns, copies, strict=True):
@@ -827,8 +845,6 @@ class GameArrays(BatchColumns):
             for undo_log in undo_logs:
                 undo_log()
             self.movement.roads = self.roads if self.roads.are_closed else None
-            for game, errors in self.errors.items():
-                del errors[num_errors.get(game, 0) :]
             self.now.clear()
 
         return undo
@@ -852,11 +868,9 @@ class GameArrays(BatchColumns):
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
         """Count a failure, and add it to the error log of its game; `turn` is the turn, None: the current one."""
-        game, agent, kind, message = failure
-        self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
-        name = self.roster.names[agent]
-        when = int(self.turn[game]) if turn is None else turn
-        self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
+        game = failure.game
+        self.counts[COUNT_OF.get(failure.kind, failure.kind)][game, failure.agent] += 1
+        self.errors.add(failure, int(self.turn[game]) if turn is None else turn)
 
     def refuse(self, failure: Failure, turn: int) -> None:
         """Note a failure in a turn, and inform the agent."""

@@ -520,7 +520,7 @@ class ShownGame:
         return [] if log is None else log.of(self._pointed.number)
 
     def _make_errors(self) -> list[dict[str, Any]]:
-        return self._state.errors[self._pointed.number]
+        return self._state.errors.of(self._pointed.number)
 
     def _make_counts(self) -> dict[str, dict[str, int]]:
         state = self._state
