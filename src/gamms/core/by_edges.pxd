@@ -3,7 +3,7 @@ cimport cython
 from gamms.core cimport draws, moves, strategies, travel
 from gamms.core.moves cimport OneEdgeMovers, LegalMoves
 from gamms.core.rules cimport GameColumns, AgentPaths
-from gamms.core.travel cimport ReachSearch, GoalPaths
+from gamms.core.travel cimport ReachSearch, GoalPaths, LegalNodes
 
 ctypedef unsigned char u8
 ctypedef long long i64
@@ -12,11 +12,17 @@ cdef extern from "math.h":
     cpdef double floor(double x) noexcept nogil
 
 
-cdef class EdgePaths(AgentPaths):
+cdef class LegalByEdges(LegalNodes):
     cdef LegalMoves streets
     cdef i64 first
+
+    @cython.locals(place=i64, at=i64)
+    cdef Py_ssize_t find(self, i64 node, i64 edge, double share, i64 motion, double speed, double now) except -1 nogil
+
+
+cdef class EdgePaths(AgentPaths):
+    cdef LegalByEdges legal
     cdef GoalPaths hops
-    cdef ReachSearch reach
     cdef i64 most
     cdef const double[::1] speeds
     cdef i64[::1] ahead, route
@@ -51,14 +57,11 @@ cdef class EdgeMovers(OneEdgeMovers):
 
 cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
 @cython.locals(found=bint, place=i64, at=i64)
-cdef bint is_next(EdgePaths walks, i64 node, i64 other) except -1 nogil
-@cython.locals(node=i64, place=i64, at=i64)
+cdef bint is_next(LegalByEdges legal, i64 node, i64 other) except -1 nogil
 cpdef Py_ssize_t list_legal(EdgePaths walks, i64 i) except -1 nogil
-@cython.locals(used=i64, i=i64, count=i64, place=i64)
-cpdef Py_ssize_t list_each(EdgePaths walks, i64 first, i64[::1] found, i64[::1] counts) except -1 nogil
 cdef double whole_edges(double budget) except? -1.0 nogil
 @cython.locals(number=i64, at=i64, here=i64, place=i64, other=i64)
-cdef int list_within(EdgePaths walks, i64 node, double hops) except -1 nogil
+cdef int list_within(LegalByEdges legal, i64 node, double hops) except -1 nogil
 @cython.locals(node=i64, by_hops=bint, first=i64, ahead=i64, onward=double, count=i64)
 cpdef bint go_towards(EdgePaths walks, i64 i, GoalPaths ways, i64 memory, i64 target) except -1 nogil
 @cython.locals(budget=double, edges=i64, first=i64, place=i64, left=double)

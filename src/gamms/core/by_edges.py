@@ -12,7 +12,34 @@ from typing import Any
 from gamms.core import draws, moves, strategies, travel
 from gamms.core.moves import LegalMoves, OneEdgeMovers
 from gamms.core.rules import AgentPaths, GameColumns
-from gamms.core.travel import GoalPaths, ReachSearch
+from gamms.core.travel import GoalPaths, LegalNodes, ReachSearch
+
+
+class LegalByEdges(LegalNodes):
+    """The legal nodes of agents by speeds in edges: neighbors, nodes within the speed, and nodes beyond a partial edge.
+
+    Attributes:
+        streets: the legal moves along one edge.
+        first: the place of the first node of the map in use; see `LegalMoves`.
+    """
+
+    def __init__(self, streets: LegalMoves, reach: ReachSearch) -> None:
+        super().__init__(reach)
+        self.streets = streets
+        self.first = 0
+
+    def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:  # noqa: ARG002
+        """Find the legal nodes of an agent; return their number. `edge` is the node at the end of a partial edge."""
+        self.reach.search += 1
+        self.reach.found = 0
+        at = self.first + node
+        for place in range(self.streets.offsets[at], self.streets.offsets[at + 1]):
+            travel.list_node(self.reach, self.streets.targets[place], 0.0)
+        if speed == speed:  # noqa: PLR0124 - NaN
+            list_within(self, node, whole_edges(speed))
+            if edge >= 0 and is_next(self, node, edge):
+                list_within(self, edge, whole_edges(speed + share) - 1)
+        return self.reach.found
 
 
 class EdgePaths(AgentPaths):
@@ -20,10 +47,8 @@ class EdgePaths(AgentPaths):
 
     Attributes:
         nodes, times, lengths: see `AgentPaths`; each agent has room for `most` nodes, beginning with its start node.
-        streets: the legal moves along one edge.
-        first: the place of the first node of the map in use; see `LegalMoves`.
+        legal: finds the legal nodes of one agent.
         hops: shortest paths by the number of edges.
-        reach: working memory; after `list_legal`, the legal nodes of one agent.
         most: the maximum number of nodes of an agent.
         speeds: (agents,) edges per turn; NaN: the agent moves along one edge.
         ahead: (agents,) the node at the end of an edge that the agent has partly covered; -1: none.
@@ -49,10 +74,8 @@ class EdgePaths(AgentPaths):
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
-        self.streets = streets
-        self.first = 0
         self.hops = hops
-        self.reach: ReachSearch = self.hops.reach
+        self.legal = LegalByEdges(streets, self.hops.reach)
         self.most = most
         self.speeds = speeds
         self.ahead = ahead
@@ -63,7 +86,7 @@ class EdgePaths(AgentPaths):
 
     def take(self, streets: LegalMoves) -> None:
         """Replace the legal moves."""
-        self.streets = streets
+        self.legal.streets = streets
 
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
@@ -108,7 +131,7 @@ class EdgeMovers(OneEdgeMovers):
 
     def take_map(self, first: int) -> int:
         """Use the map whose first node has this place."""
-        self.paths.first = first
+        self.paths.legal.first = first
         self.paths.hops.roads.first = first
         if self.goes_far:
             self.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
@@ -172,54 +195,23 @@ def begin(walks: EdgePaths, i: int, node: int, ahead: int, covered: float) -> in
     walks.nodes[i * walks.most] = node
     walks.times[i * walks.most] = 0.0
     walks.lengths[i] = 1
-    walks.ahead[i] = ahead if ahead >= 0 and is_next(walks, node, ahead) else -1
+    walks.ahead[i] = ahead if ahead >= 0 and is_next(walks.legal, node, ahead) else -1
     walks.covered[i] = covered if walks.ahead[i] >= 0 else 0.0
     return 0
 
 
-def is_next(walks: EdgePaths, node: int, other: int) -> bool:
+def is_next(legal: LegalByEdges, node: int, other: int) -> bool:
     """Return whether the nodes are equal or an edge leads from the first to the second."""
     found = False
-    at = walks.first + node
-    for place in range(walks.streets.offsets[at], walks.streets.offsets[at + 1]):
-        found = found or walks.streets.targets[place] == other
+    at = legal.first + node
+    for place in range(legal.streets.offsets[at], legal.streets.offsets[at + 1]):
+        found = found or legal.streets.targets[place] == other
     return found
 
 
 def list_legal(walks: EdgePaths, i: int) -> int:
-    """List the legal nodes of an agent: its neighbors, the nodes within its speed, and nodes beyond its partial edge.
-
-    Return the number of nodes; `walks.reach.nodes` holds them.
-    """
-    node = walks.nodes[i * walks.most]
-    walks.reach.search += 1
-    walks.reach.found = 0
-    at = walks.first + node
-    for place in range(walks.streets.offsets[at], walks.streets.offsets[at + 1]):
-        travel.list_node(walks.reach, walks.streets.targets[place], 0.0)
-    if walks.speeds[i] == walks.speeds[i]:  # not NaN
-        list_within(walks, node, whole_edges(walks.speeds[i]))
-        if walks.ahead[i] >= 0:
-            list_within(walks, walks.ahead[i], whole_edges(walks.speeds[i] + walks.covered[i]) - 1)
-    return walks.reach.found
-
-
-def list_each(walks: EdgePaths, first: int, found: memoryview[int], counts: memoryview[int]) -> int:
-    """List the legal nodes of each agent from number `first` on; return the first agent whose nodes did not fit.
-
-    The nodes are written one after the other to `found`, the number of nodes of each agent to `counts`.
-    """
-    used = 0
-    for i in range(first, len(counts)):
-        begin(walks, i, walks.nodes[i * walks.most], walks.ahead[i], walks.covered[i])
-        count = list_legal(walks, i)
-        if used + count > len(found):
-            return i
-        for place in range(count):
-            found[used + place] = walks.reach.nodes[place]
-        counts[i] = count
-        used += count
-    return len(counts)
+    """Find the legal nodes of an agent on its start node; return their number."""
+    return walks.legal.find(walks.nodes[i * walks.most], walks.ahead[i], walks.covered[i], 0, walks.speeds[i], 0.0)
 
 
 def whole_edges(budget: float) -> float:
@@ -227,30 +219,30 @@ def whole_edges(budget: float) -> float:
     return floor(budget * (1.0 + travel.SLACK))
 
 
-def list_within(walks: EdgePaths, node: int, hops: float) -> int:
+def list_within(legal: LegalByEdges, node: int, hops: float) -> int:
     """Append all nodes at most `hops` edges from a node, ordered by row; found by breadth-first search."""
     if hops < 0:
         return 0
-    walks.reach.seen[0] = node
-    walks.reach.when[node] = 0.0
-    walks.reach.places[node] = 1
-    walks.reach.count = 1
+    legal.reach.seen[0] = node
+    legal.reach.when[node] = 0.0
+    legal.reach.places[node] = 1
+    legal.reach.count = 1
     number = 0
-    while number < walks.reach.count:
-        at = walks.reach.seen[number]
+    while number < legal.reach.count:
+        at = legal.reach.seen[number]
         number += 1
-        if walks.reach.when[at] + 1.0 <= hops:
-            here = walks.first + at
-            for place in range(walks.streets.offsets[here], walks.streets.offsets[here + 1]):
-                other = walks.streets.targets[place]
-                if walks.reach.places[other] == 0:
-                    walks.reach.places[other] = 1
-                    walks.reach.when[other] = walks.reach.when[at] + 1.0
-                    walks.reach.seen[walks.reach.count] = other
-                    walks.reach.count += 1
-    travel.sort_seen(walks.reach)
+        if legal.reach.when[at] + 1.0 <= hops:
+            here = legal.first + at
+            for place in range(legal.streets.offsets[here], legal.streets.offsets[here + 1]):
+                other = legal.streets.targets[place]
+                if legal.reach.places[other] == 0:
+                    legal.reach.places[other] = 1
+                    legal.reach.when[other] = legal.reach.when[at] + 1.0
+                    legal.reach.seen[legal.reach.count] = other
+                    legal.reach.count += 1
+    travel.sort_seen(legal.reach)
     for place in range(number):
-        travel.list_node(walks.reach, walks.reach.seen[place], 0.0)
+        travel.list_node(legal.reach, legal.reach.seen[place], 0.0)
     return 0
 
 
@@ -273,7 +265,7 @@ def go_towards(walks: EdgePaths, i: int, ways: GoalPaths, memory: int, target: i
         return True
     by_hops = ways is walks.hops
     first = target
-    if not by_hops or not is_next(walks, node, target):
+    if not by_hops or not is_next(walks.legal, node, target):
         first = travel.following(ways, memory, node, target)
         if first == node:
             return False
@@ -341,7 +333,7 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     if count > 0:
         walk(w.paths, i, count)
     elif target >= 0 and target != node:
-        if w.paths.reach.listed[target] == w.paths.reach.search:
+        if w.paths.legal.reach.listed[target] == w.paths.legal.reach.search:
             go_towards(w.paths, i, w.paths.hops, row, target)
         else:
             go_towards(w.paths, i, w.long_ways, row, target)  # type: ignore[arg-type] # there are some
@@ -374,13 +366,13 @@ def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         return -1
     count = list_legal(w.paths, i)
     if by == moves.STEPS:
-        strategies.take_legal(w.by_steps, w.paths.reach.nodes, count)  # type: ignore[arg-type] # there are some
+        strategies.take_legal(w.by_steps, w.paths.legal.reach.nodes, count)  # type: ignore[arg-type] # there are some
         w.by_steps.goes_far = w.paths.speeds[i] == w.paths.speeds[i]  # type: ignore[union-attr] # not NaN
         w.by_steps.drawn = 0  # type: ignore[union-attr]
         return strategies.act(w.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
-        return w.paths.reach.nodes[w.given[row]]
-    return w.paths.reach.nodes[draws.below_at(w.walks.keys[row], games.turn[game], 0, count)]
+        return w.paths.legal.reach.nodes[w.given[row]]
+    return w.paths.legal.reach.nodes[draws.below_at(w.walks.keys[row], games.turn[game], 0, count)]
 
 
 def go_in_part(walks: EdgePaths, i: int, part: int, parts: int) -> int:

@@ -56,6 +56,19 @@ cdef class GoalPaths:
     cdef double[::1] far
 
 
+cdef class LegalNodes:
+    cdef ReachSearch reach
+
+    cdef Py_ssize_t find(self, i64 node, i64 edge, double share, i64 motion, double speed, double now) except -1 nogil
+
+
+cdef class LegalByMetres(LegalNodes):
+    cdef RoadEdges roads
+    cdef bint goes_on
+
+    cdef Py_ssize_t find(self, i64 node, i64 edge, double share, i64 motion, double speed, double now) except -1 nogil
+
+
 @cython.locals(found=i64, number=i64, edge=i64)
 cpdef Py_ssize_t cheapest(RoadEdges roads, i64 source, i64 target) except -2 nogil
 @cython.locals(node=i64, length=double, number=i64, other=i64)
@@ -180,8 +193,7 @@ cdef Py_ssize_t motion_towards(
 @cython.locals(number=i64)
 cpdef int backs(RoadEdges roads, const i64[::1] edges, i64[::1] found) except -1 nogil
 @cython.locals(used=i64, number=i64, count=i64, place=i64)
-cpdef Py_ssize_t reach_each(
-    RoadEdges roads, ReachSearch reach, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
-    const i64[::1] motion, const double[::1] speed, const double[::1] now, bint goes_on,
-    i64[::1] found, i64[::1] counts
+cpdef Py_ssize_t find_each(
+    LegalNodes legal, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
+    const i64[::1] motion, const double[::1] speed, const double[::1] now, i64[::1] found, i64[::1] counts
 ) except -1 nogil

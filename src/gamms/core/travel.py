@@ -258,6 +258,48 @@ class GoalPaths:
         self.far = far
 
 
+class LegalNodes:
+    """The legal nodes of agents by their positions and speeds; a subclass finds those of one kind of movement.
+
+    Attributes:
+        reach: receives the nodes.
+    """
+
+    def __init__(self, reach: ReachSearch) -> None:
+        self.reach = reach
+
+    def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:  # noqa: ARG002
+        """Find the legal nodes of an agent; return their number.
+
+        Args:
+            node: the node that the agent passed last.
+            edge: what it has partly covered, as in `rules.GameColumns`; -1: nothing.
+            share: the covered share.
+            motion: its motion on the edge.
+            speed: its speed; NaN: none.
+            now: the current time in the turn.
+        """
+        return 0
+
+
+class LegalByMetres(LegalNodes):
+    """The legal nodes of agents by metres.
+
+    Attributes:
+        roads: the map.
+        goes_on: see `reachable`.
+    """
+
+    def __init__(self, roads: RoadEdges, reach: ReachSearch, *, goes_on: bool) -> None:
+        super().__init__(reach)
+        self.roads = roads
+        self.goes_on = goes_on
+
+    def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:
+        """Find the legal nodes of an agent; return their number."""
+        return reachable(self.roads, self.reach, node, edge, share, motion, speed, now, self.goes_on)
+
+
 # -- edges -----------------------------------------------------------------------------------------------------------
 
 
@@ -1142,9 +1184,8 @@ def backs(roads: RoadEdges, edges: memoryview[int], found: memoryview[int]) -> i
     return 0
 
 
-def reach_each(
-    roads: RoadEdges,
-    reach: ReachSearch,
+def find_each(
+    legal: LegalNodes,
     first: int,
     node: memoryview[int],
     edge: memoryview[int],
@@ -1152,23 +1193,21 @@ def reach_each(
     motion: memoryview[int],
     speed: memoryview[float],
     now: memoryview[float],
-    goes_on: bool,
     found: memoryview[int],
     counts: memoryview[int],
 ) -> int:
     """List the legal nodes of each agent from number `first` on; return the first agent whose nodes did not fit.
 
-    The agents' columns are as in `reachable`; `found` and `counts` are as in `by_edges.list_each`.
+    The agents' columns are as in `LegalNodes.find`. The nodes are written one after the other to `found`, the number of
+    nodes of each agent to `counts`.
     """
     used = 0
     for number in range(first, len(node)):
-        count = reachable(
-            roads, reach, node[number], edge[number], share[number], motion[number], speed[number], now[number], goes_on
-        )
+        count = legal.find(node[number], edge[number], share[number], motion[number], speed[number], now[number])
         if used + count > len(found):
             return number
         for place in range(count):
-            found[used + place] = reach.nodes[place]
+            found[used + place] = legal.reach.nodes[place]
         counts[number] = count
         used += count
     return len(node)

@@ -49,9 +49,9 @@ from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
 from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, MessagePositions
-from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction
-from gamms.game.movement.one_edge import Movement, MovementOnMaps
+from gamms.game.movement.roads import join_streets
 from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
@@ -404,7 +404,7 @@ class GamesOnOneMap:
     def leave_closed_edges(self, games: IntArray, part: int) -> None:
         """Move agents on closed edges, in a part of the turn, to the nodes that they passed last."""
         by = self.state.movement
-        if not isinstance(by, MetricMovement):
+        if not by.by_metres:
             return
         members = self.state.alive[games] & (self.core.part_of == part)
         left = by.leave_closed_edges(games, members)
@@ -658,10 +658,11 @@ class BatchEngine(TurnDriver):
         self._asks_functions = self._maps[0].asks_functions
         self._has_rules_before = any(one.before for one in self._maps)
         self._leaves_out = self._maps[0].leaves_out
-        self._by_metres = any(isinstance(movement, MetricMovement) for movement in movements)
+        self._by_metres = any(movement.by_metres for movement in movements)
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
-        if all(type(movement) is Movement for movement in movements):
-            self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
+        if len(movements) > 1 and all(movement.is_plain for movement in movements):
+            self._tables = join_streets([movement.streets for movement in movements])
+            self._of_all_maps = self._state.on_map(Movement(movements[0].streets), rosters[0])
         self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
         self._now: TurnOfGames
 
@@ -870,7 +871,7 @@ class BatchEngine(TurnDriver):
     @property
     def _plays_parts_at_once(self) -> bool:
         """Whether nothing happens between the parts of a turn that the core does not do."""
-        by_metres = any(isinstance(one.state.movement, MetricMovement) for one in self._maps)
+        by_metres = any(one.state.movement.by_metres for one in self._maps)
         return not (self.plays_by_phases or self._acts or self._deed_log is not None or by_metres)
 
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
@@ -1038,6 +1039,8 @@ class BatchEngine(TurnDriver):
         """Return groups of games whose legal moves are in one table, with their states."""
         if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
             return [(one.state, games) for one, games in self._each(playing)]
+        tables = self._tables
+        self._of_all_maps.movement.tables = tables._replace(first=tables.first[self._map_of])
         return [(self._of_all_maps, np.flatnonzero(playing))]
 
     def _play_decisions(
@@ -1300,7 +1303,7 @@ def movement_in_core(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdg
 
 def decides_at_arrivals(movement: Movement) -> bool:
     """Return whether agents decide on arrival."""
-    return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
+    return movement.by_metres and movement.terms.decides_at_arrivals
 
 
 def errs(agent: IAgent) -> bool:

@@ -30,7 +30,6 @@ from gamms.game.block.state import GameArrays, fits_float
 from gamms.game.block.strategy_steps import begin_steps, can_read, memories_of
 from gamms.game.conflicts import flat, unranked
 from gamms.game.cursor.called_functions import first_called
-from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule, as_called, refuse_unused
 from gamms.game.slots import COUNTED, Slots
@@ -414,7 +413,7 @@ class GameInCore:
         if settings["team_memory"]:
             state.share_memories()
         self._state = state
-        self._on_edges = movement.progress if isinstance(movement, MetricMovement) else None
+        self._on_edges = movement.progress if movement.by_metres else None
         self._columns = CoreColumns([state], np.zeros(1, np.int64))
         state.facts.update(game.facts)
         for rule in called_rules(game, roster):
@@ -607,7 +606,7 @@ class GameInCore:
         if alive != bytes(block.alive):
             show_lives(block, alive)
         block.placed = set(np.flatnonzero(state.placed[0, rows]).tolist())
-        if state.movement.remembers:
+        if state.movement.depends_on_speeds:
             on_edges = state.movement.on_edges(0, state.node[0])
             show_progress(block, {row: on_edges[i] for row, i in enumerate(rows.tolist()) if i in on_edges})
 

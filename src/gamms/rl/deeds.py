@@ -10,7 +10,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.array_functions.view import ArrayView, movement_in
 from gamms.game.deeds import DeclaredField
-from gamms.game.movement.one_edge import Movement
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

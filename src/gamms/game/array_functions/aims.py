@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_array
 from gamms.core import routes as core
 from gamms.errors import BadType, NoPath
-from gamms.game.movement.one_edge import PacedMovement
+from gamms.game.movement.legal_moves import Movement
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -83,7 +83,7 @@ class Aims:
         movement: the movement of the agents.
     """
 
-    def __init__(self, graph: IGraph, movement: PacedMovement) -> None:
+    def __init__(self, graph: IGraph, movement: Movement) -> None:
         self._graph = graph
         self._movement = movement
         self._actions: list[int | list[int]] = []
@@ -91,7 +91,7 @@ class Aims:
     def towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
-        """Return the actions of agents, as `Movement.towards` does."""
+        """Return the actions of agents, as `Movement.towards` does; `which` are their games and numbers."""
         movement = self._movement
         ids = movement.streets.ids_of
         is_allowed: Callable[[int], bool] | None = None

@@ -25,8 +25,8 @@ from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import checked_value
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.one_edge import Movement, PacedMovement
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.ir.game_state import KEPT
@@ -241,7 +241,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         asked = turns.asked if turns.is_deciding else -1
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
-    if isinstance(view._movement, PacedMovement):
+    if view._movement.acts_by_paths:
         view._aims = Aims(ctx.graph.graph, view._movement)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = function(view)

@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.block.deeds import ArrayDeeds, joined
 from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays
-from gamms.game.movement.one_edge import Paths
+from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray

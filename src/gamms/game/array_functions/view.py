@@ -28,8 +28,8 @@ from gamms.game.block.strategy_steps import looks_of, make_looks
 from gamms.game.block.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
 from gamms.game.movement.flows import Flows
-from gamms.game.movement.noted_moves import MovementWithNotes
-from gamms.game.movement.one_edge import Movement, PacedMovement, Places
+from gamms.game.movement.legal_moves import Movement
+from gamms.game.movement.noted_moves import Places
 from gamms.game.movement.roads import OpenRoads
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
@@ -87,7 +87,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         self.agents = agents
         self.streets, self._movement, self._shared = state.world(games)
         if state.noted_moves is not None and state.is_apart[games].any():
-            self._movement = MovementWithNotes(self._movement, state.noted_moves)
+            self._movement = self._movement.with_notes(state.noted_moves)
         self.roster = state.roster
         self.memory_of = state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
@@ -205,11 +205,11 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         """
         node = self.node[which]
         games, agents = numbers_in(self, which)
-        asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel(), (games.ravel(), agents.ravel()), allowed
-        if not isinstance(self._movement, PacedMovement):
-            return self._movement.towards(*asked).reshape(node.shape)
+        asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
+        if not self._movement.acts_by_paths:
+            return self._movement.towards(*asked, allowed).reshape(node.shape)
         if self._aims is not None:
-            return self._aims.towards(*asked).reshape(node.shape)
+            return self._aims.towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
         if self._deeds is None:
             raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
         raise TowardsInBatch

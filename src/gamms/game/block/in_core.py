@@ -29,10 +29,7 @@ from gamms.game.block.strategy_steps import (
 from gamms.game.block.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS
-from gamms.game.movement.by_edges import EdgeMovement
-from gamms.game.movement.by_metres import MetricMovement
-from gamms.game.movement.courses import EdgeCourses, MetreCourses, paths_in_parts
-from gamms.game.movement.one_edge import AnyNodeMovement, Paths
+from gamms.game.movement.courses import EdgeCourses, MetreCourses, Paths, paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, no_way
@@ -467,7 +464,7 @@ class CoreColumns:
             self._state.events.take(noted.those(~is_wrong) if is_wrong.any() else noted)
         self._note_wrong(wrong)
         for state in self._states:
-            if state.movement.remembers:
+            if state.movement.depends_on_speeds:
                 state.movement.take_out(*np.nonzero(~state.alive))
             state.now.clear()
 
@@ -553,7 +550,7 @@ class CoreColumns:
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
             return Failure.illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
-        may_turn = isinstance(by, MetricMovement) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
+        may_turn = by.by_metres and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.illegal(game, agent, f"BadValue: {error}")
 
@@ -682,7 +679,7 @@ class PastPlaces(NamedTuple):
 
     Attributes:
         node: the rows of nodes.
-        edge, share, motion: the positions on edges, as in `MetricMovement`; (0, agents) where agents are on nodes only.
+        edge, share, motion: the positions on edges, as in `Movement`; (0, agents) where agents are on nodes only.
     """
 
     node: IntArray
@@ -694,14 +691,14 @@ class PastPlaces(NamedTuple):
     def of(cls, turns: int, state: GameArrays) -> "PastPlaces":
         """Return room for a number of turns."""
         shape = turns, len(state.roster.names)
-        on_edges = shape if isinstance(state.movement, MetricMovement) else (0, shape[1])
+        on_edges = shape if state.movement.by_metres else (0, shape[1])
         node = np.zeros(shape, np.int64)
         return cls(node, np.full(on_edges, -1), np.zeros(on_edges), np.zeros(on_edges, np.int64))
 
     def in_core(self, state: GameArrays) -> turn.PastPlaces:
         """Return the same for the core."""
         by = state.movement
-        motions = memory_of(by.motion) if isinstance(by, MetricMovement) and len(self.edge) else ints(0)
+        motions = memory_of(by.motion) if by.by_metres and len(self.edge) else ints(0)
         columns = [*map(memory_of, self), motions]
         return turn.PastPlaces(len(self.node), *columns)
 
@@ -761,7 +758,7 @@ class CoreGames:
         self._deciding = self._decides_by.copy()
         self._given: BoolArray | None = None  # the agents whose actions were in the block last; see `prepare`
         streets = state.streets
-        self._streets = streets.core_with_all_legal if isinstance(state.movement, AnyNodeMovement) else streets.core
+        self._streets = streets.core_with_all_legal if state.movement.are_all_legal else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = block.until_of(state)
@@ -1131,7 +1128,7 @@ class CoreGames:
         by = self._state.movement
         go_by_steps = any(self._steps)
         keeps_courses = self._keeps_courses or self.num_parts > 1
-        if isinstance(by, MetricMovement):
+        if by.by_metres:
             return MetreColumns(
                 self._state,
                 by,
@@ -1140,7 +1137,7 @@ class CoreGames:
                 keeps_courses=keeps_courses,
                 has_conflicts=self._has_conflicts,
             )
-        if isinstance(by, EdgeMovement):
+        if by.depends_on_speeds:
             return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         return None
 

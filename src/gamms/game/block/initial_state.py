@@ -14,12 +14,10 @@ from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.in_core import CoreColumns
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
-from gamms.game.movement.by_edges import EdgeMovement
-from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
-from gamms.game.movement.courses import paths_along, paths_over
+from gamms.game.movement.courses import Legs, Paths, paths_along, paths_over
 from gamms.game.movement.flights import poses_in, starts_above
+from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.one_edge import AnyNodeMovement, Legs, Movement, Paths
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
@@ -36,17 +34,6 @@ from gamms.typing import AgentType
 from gamms.typing.game import Track
 
 _NOWHERE = (nan, nan, nan)  # where agents in the air begin that come later
-
-
-def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
-    """Return the class of movement for the settings and agents of a game."""
-    settings = game.settings()
-    if settings["legal"] == "any":
-        return AnyNodeMovement
-    if settings["speed_unit"] != "edges":
-        return MetricMovement
-    on_ground = [agent for agent in roster.agents if agent.type is not AgentType.AERIAL]
-    return Movement if all(agent.speed is None for agent in on_ground) else EdgeMovement
 
 
 def movement_of(
@@ -73,15 +60,11 @@ def movement_of(
     closed = graph.storage.roads()[1] if may_reopen else {}
     whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
-    made = movement_type(game, roster)
-    if issubclass(made, MetricMovement):
-        return made(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
-    if issubclass(made, EdgeMovement):
-        return made(streets, speeds, whole, closed)
-    movement = made(streets, whole, closed)
-    if made is AnyNodeMovement:
-        movement.turn_seconds = seconds_of_turn(settings)
-    return movement
+    if settings["legal"] == "any":
+        return Movement(streets, whole, closed, are_all_legal=True)
+    if settings["speed_unit"] != "edges":
+        return Movement(streets, whole, closed, speeds=speeds, terms=TravelTerms.of(game, whole or streets))
+    return Movement(streets, whole, closed, speeds=speeds if any(speed is not None for speed in speeds) else None)
 
 
 class InitialState:
@@ -264,7 +247,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     """
     block = game.ctx.agent.block
     graph = game.ctx.graph
-    by_metres = isinstance(movement, MetricMovement)
+    by_metres = movement.by_metres
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
     starts = starts_of(game)
     previous = block.ids_of(block.previous)
@@ -323,7 +306,7 @@ class LastTurn(NamedTuple):
         ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
         took_part[0, numbers] = True
         paths = None
-        if isinstance(movement, MetricMovement):
+        if movement.by_metres:
             paths = _paths_by_metres(moves, slots, numbers, movement, starts)
         elif moves.paths is not None:
             tracks = [moves.track(i) for i in slots]
@@ -347,7 +330,7 @@ def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, start
 
 
 def _paths_by_metres(
-    moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: MetricMovement, starts: IntArray
+    moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: Movement, starts: IntArray
 ) -> Paths:
     """Return the paths of agents that move by meters, including the legs along edges."""
     tracks = [moves.track(i) for i in slots]

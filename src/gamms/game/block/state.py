@@ -19,8 +19,8 @@ from gamms.game.block.columns import AgentTable, Failure, GameLog, index_games
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog
 from gamms.game.decisions import COUNT_OF
 from gamms.game.movement.flights import Flights
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import NotedMoves
-from gamms.game.movement.one_edge import Movement
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
@@ -669,7 +669,7 @@ class GameArrays(BatchColumns):
         found.update(dict[Hashable, Any](self.numbers))
         if self.flights is not None:
             found.update(dict[Hashable, Any](self.flights.remembered))
-        found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
+        found.update(dict[Hashable, Any](self.movement.remembered))
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
         return found | {one.name: getattr(self, one.name) for one in COLUMNS if one.name in earlier}
@@ -822,7 +822,7 @@ class GameArrays(BatchColumns):
         columns = [getattr(self, one.name) for one in COLUMNS]
         columns += [
             *more,
-            *(getattr(self.movement, name) for name in self.movement.remembers),
+            *self.movement.remembered.values(),
             *self.counts.values(),
             *self.numbers.values(),
             *(() if self.flights is None else self.flights.columns),

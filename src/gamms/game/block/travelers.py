@@ -10,9 +10,8 @@ from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, tr
 from gamms.game.block.state import GameArrays
 from gamms.game.conflicts import flat
 from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
-from gamms.game.movement.by_edges import EdgeMovement
-from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.courses import EdgeCourses, MetreCourses
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.travel import ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
@@ -29,7 +28,7 @@ _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 6, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
-def most_legs(by: MetricMovement) -> int:
+def most_legs(by: Movement) -> int:
     """Return the maximum number of legs of an agent in a turn: each edge once, unless it decides on its way."""
     fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
     if by.terms.decides_at_arrivals:
@@ -56,7 +55,7 @@ def _refuse_too_long(legs: int, kept: int) -> None:
     )
 
 
-def most_nodes(by: EdgeMovement) -> int:
+def most_nodes(by: Movement) -> int:
     """Return the maximum number of nodes that an agent passes in a turn, its own included."""
     return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
 
@@ -108,11 +107,11 @@ class EdgeColumns:
     """
 
     def __init__(
-        self, state: GameArrays, by: EdgeMovement, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+        self, state: GameArrays, by: Movement, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
     ) -> None:
         self._by = by
         self._agents = state.node.shape[1]
-        self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
+        self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
         shape = state.node.shape
         self._most = most_nodes(by) + int(part_of.any())
@@ -193,7 +192,7 @@ class MetreColumns:
     def __init__(
         self,
         state: GameArrays,
-        by: MetricMovement,
+        by: Movement,
         part_of: IntArray,
         *,
         go_by_steps: bool,

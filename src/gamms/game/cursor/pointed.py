@@ -302,7 +302,7 @@ class GamesToShow:
         self._placed = self._placed_in(games)
         self._are_placed = np.any(self._placed, axis=1).tolist()
         self._flies = len(population.rows_in_air) > 0
-        self._remembers = len(state.movement.remembers) > 0
+        self._remembers = state.movement.depends_on_speeds
         self._are_closed = state.roads.are_closed
         is_other = self._flies or self._remembers or self._are_closed or not pointed.reads_rows
         self._have_more = is_other or len(self._columns) > 0 or any(self._are_placed)

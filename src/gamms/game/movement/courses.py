@@ -2,21 +2,63 @@
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.core import moves, rules
 from gamms.game.decisions import Decisions
-from gamms.game.movement.by_edges import EdgeMovement
-from gamms.game.movement.by_metres import MetricMovement
-from gamms.game.movement.one_edge import Legs, Paths
+from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.travel import STAYS, GamePaths, RoadIds, TurnPaths
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 
 _MORE_LEGS = 2  # that a way may have besides those to its nodes
+
+
+class Legs(NamedTuple):
+    """The parts of edges that agents cover in a turn, in order, (games, agents, most); see `typing.game.Leg`.
+
+    Attributes:
+        edge: rows of edges; -1: there is no such leg.
+        back: rows of the edges for turning around on each edge, when the turn was played; -1: none.
+        begin, end: shares of the edge.
+        since, until: times in the turn.
+    """
+
+    edge: IntArray
+    back: IntArray
+    begin: FloatArray
+    end: FloatArray
+    since: FloatArray
+    until: FloatArray
+
+
+class Paths(NamedTuple):
+    """The nodes that agents pass in a turn, and when; of the shape (games, agents, most).
+
+    Attributes:
+        nodes: rows of nodes, beginning with the start node; after the last node, it is repeated.
+        times: the times at these nodes, from 0 to 1; infinite after the last node.
+        lengths: (games, agents) the number of nodes.
+        stays: (games, agents) whether the agent is on the first node from 0 to 1.
+        waits: (games, agents) whether the agent is on the first node until the second time, and leaves it then.
+        rests: (games, agents) whether the agent is on the last node from its arrival to 1.
+        legs: the legs, in games by metres.
+        edge: in games by metres, (games, agents): the row of the edge that an agent is on at the end; -1: on its node.
+        motion: in games by metres, (games, agents): its motion on the edge, see `ir.progress.Motion`.
+    """
+
+    nodes: IntArray
+    times: FloatArray
+    lengths: IntArray
+    stays: BoolArray
+    waits: BoolArray
+    rests: BoolArray
+    legs: Legs | None = None
+    edge: IntArray | None = None
+    motion: IntArray | None = None
 
 
 class Routes:
@@ -32,7 +74,7 @@ class Routes:
         core: the routes in the form of the core.
     """
 
-    def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int, longest: int) -> None:
+    def __init__(self, by: Movement, shape: tuple[int, int], room: int, longest: int) -> None:
         self._by = by
         self._longest = longest
         self._agents = shape[1]
@@ -100,7 +142,7 @@ class EdgeCourses:
         routes: the chosen routes.
     """
 
-    def __init__(self, by: EdgeMovement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
+    def __init__(self, by: Movement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
         shape = len(ahead), ahead.shape[1]
         self._by = by
         self._ahead = ahead
@@ -178,7 +220,7 @@ class MetreCourses:
         routes: the chosen routes.
     """
 
-    def __init__(self, by: MetricMovement, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
+    def __init__(self, by: Movement, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
         self._by = by
         self._part_of = part_of
         self._shape = shape

@@ -1,14 +1,20 @@
 """The legal nodes and positions of agents in games of a batch that are played in contexts of their own."""
 
 from collections.abc import Sequence
-from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.game.movement.one_edge import Movement, Places
-from gamms.game.movement.routes import RouteTable
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+
+
+class Places(NamedTuple):
+    """Positions of agents that may be on edges; the first axes of arrays are games and agents."""
+
+    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
+    offset_m: FloatArray  # (games, agents)  metres along it
+    xy: FloatArray  # (games, agents, 2)  map units
 
 
 class NotedMoves:
@@ -43,78 +49,38 @@ class NotedMoves:
         for column, value in zip(self.places, (edge, offset_m, xy), strict=True):
             column[game, agent] = value
 
-
-class MovementWithNotes(Movement):
-    """The movement of agents in games of which some are noted.
-
-    Args:
-        movement: the movement of agents in the other games.
-        noted: the moves in the noted games.
-    """
-
-    is_plain = False
-    leaves_nodes = True
-
-    def __init__(self, movement: Movement, noted: NotedMoves) -> None:
-        super().__init__(movement.streets, movement.whole, movement.closed)
-        self._movement = movement
-        self._noted = noted
-        self.turn_seconds = movement.turn_seconds
-        self.roads = movement.roads
-        self.now = movement.now
-
-    @cached_property
-    def width(self) -> int:
-        """The number of actions; see `Movement`."""
-        return self._movement.width
-
-    def _those(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[BoolArray, tuple[IntArray, IntArray]]:
+    def _those(self, shape: tuple[int, ...], which: tuple[IntArray, IntArray]) -> tuple[BoolArray, Any]:
         """Return which agents are in noted games, and the numbers of their games and their own."""
-        games, agents = (np.broadcast_to(one, node.shape) for one in which)
-        those = self._noted.are_noted[games]
+        games, agents = (np.broadcast_to(one, shape) for one in which)
+        those = self.are_noted[games]
         return those, (games[those], agents[those])
 
-    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the number of legal nodes of agents."""
-        those, numbers = self._those(node, which)
-        found = np.array(self._movement.counts(node, which))
-        found[those] = self._noted.counts[numbers]
+    def put_counts(self, counts: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents, as noted where they are in noted games."""
+        those, numbers = self._those(counts.shape, which)
+        found = np.array(counts)
+        found[those] = self.counts[numbers]
         return found
 
-    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
-        """Return the rows of the legal nodes of agents, and a mask of valid entries."""
-        those, numbers = self._those(node, which)
-        nodes, is_legal = self._movement.legal(node, which)
-        counts = self._noted.counts[numbers]
+    def put_legal(
+        self, nodes: IntArray, is_legal: BoolArray, which: tuple[IntArray, IntArray]
+    ) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, and a mask of valid entries, likewise."""
+        those, numbers = self._those(nodes.shape[:-1], which)
+        counts = self.counts[numbers]
         most = int(counts.max(initial=nodes.shape[-1]))
-        more = [(0, 0)] * node.ndim + [(0, most - nodes.shape[-1])]
+        more = [(0, 0)] * (nodes.ndim - 1) + [(0, most - nodes.shape[-1])]
         nodes = np.pad(nodes, more)
         is_legal = np.pad(is_legal, more)
         columns = np.arange(most)
         is_legal[those] = columns < counts[:, None]
         last = np.minimum(columns, counts[:, None] - 1)
-        nodes[those] = np.take_along_axis(self._noted.nodes[numbers], last, axis=-1)
+        nodes[those] = np.take_along_axis(self.nodes[numbers], last, axis=-1)
         return nodes, is_legal
 
-    def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
-        """Return the positions of agents."""
-        those, numbers = self._those(node, which)
-        edge, offset_m, xy = self._movement.places(node, which)
-        found = Places(edge.copy(), offset_m.copy(), xy.copy())
-        for column, noted in zip(found, self._noted.places, strict=True):
+    def put_places(self, places: Places, which: tuple[IntArray, IntArray]) -> Places:
+        """Return the positions of agents, likewise; `places` is changed."""
+        those, numbers = self._those(places.offset_m.shape, which)
+        for column, noted in zip(places, self.places, strict=True):
             column[those] = noted[numbers]
-        return found
-
-    def towards(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
-    ) -> IntArray:
-        """Return the actions that lead agents toward nodes."""
-        return self._movement.towards(node, targets, which, allowed)
-
-    def routes(self, weight: str | None) -> RouteTable:
-        """Return the tables of routes along `streets`, by a weight of edges."""
-        return self._movement.routes(weight)
-
-    def are_plain(self, agents: IntArray) -> bool:  # noqa: ARG002 - no agent is
-        """Return False: legal nodes differ between games."""
-        return False
+        return places

@@ -52,6 +52,12 @@ class RoadTables(NamedTuple):
         return np.array([first.get(id(one), -1) for one in before], np.int64)
 
 
+def join_streets(maps: Sequence[StreetGraph]) -> RoadTables:
+    """Return the legal nodes on several maps, each of which may have other nodes; `first` is (maps,)."""
+    first = np.cumsum([0, *(one.num_nodes for one in maps[:-1])])
+    return RoadTables([None] * len(maps), first, *_joined([(one.offsets, one.targets) for one in maps]))
+
+
 class RoadMap:
     """A map whose open roads differ from the start.
 

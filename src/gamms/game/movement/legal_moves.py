@@ -1,0 +1,554 @@
+"""Where actions lead in many games at once, and how much of their edges agents have covered.
+
+The core finds the legal nodes of agents with speeds; see `core.by_edges` and `core.travel`.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
+from functools import cached_property, partial
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_key
+from gamms.core import travel as core
+from gamms.core.by_edges import LegalByEdges
+from gamms.errors import BadValue
+from gamms.game.block.columns import PlayedGame, kept_in
+from gamms.game.movement.noted_moves import NotedMoves, Places
+from gamms.game.movement.roads import OpenRoads, RoadMap, RoadTables, refuse_several_maps
+from gamms.game.movement.routes import RouteTable, shared_routes
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.movement.travel import ReachableNodes, map_of
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Progress
+from gamms.kernels import buffer
+from gamms.typing.on_edges import Lines
+
+_MOST_ACTIONS = 4096  # that masks and vectors have
+_OF_MAP = ("width", "map", "_legal_nodes")  # computed attributes that depend on the open roads
+_ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
+_AT_ONCE = 1 << 12  # positions at which the most legal nodes are looked for
+
+
+class TravelTerms(NamedTuple):
+    """The costs and times by which agents travel.
+
+    Attributes:
+        weight: the edge weight by which agents choose paths.
+        costs: (edges,) the costs by this weight.
+        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        turn_seconds: the duration of a turn, in the time unit of speeds.
+        decides_at_arrivals: whether agents decide on arrival; see `arrivals`.
+    """
+
+    weight: str
+    costs: FloatArray
+    seconds: FloatArray | None
+    turn_seconds: float
+    decides_at_arrivals: bool = False
+
+    @classmethod
+    def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
+        """Return the terms of a game by metres; `streets` has all roads that may be open."""
+        settings = game.settings()
+        weight = settings["weight"]
+        is_by_seconds = settings["speed_unit"] == "metres_per_second"
+        costs = np.asarray(streets.weights(weight), np.float64)
+        seconds = costs if weight == "travel_time" and is_by_seconds else None
+        return cls(weight, costs, seconds, seconds_of_turn(settings) or 1.0, settings["decide"] == "arrival")
+
+
+def seconds_of_turn(settings: Mapping[str, Any]) -> float | None:
+    """Return the duration of a turn of a game, in the time unit of speeds; None: speeds count edges."""
+    lasts: dict[str, float | None] = {"edges": None, "metres": 1.0, "metres_per_second": settings["turn_seconds"]}
+    return lasts[settings["speed_unit"]]
+
+
+class Movement:
+    """The legal nodes of the agents of many games, and the parts of edges that they have covered.
+
+    Args:
+        streets: the graph of the map.
+        whole: the graph with all roads open, closed ones after all others; None: no road is closed.
+        closed: the closed roads.
+        speeds: the speeds of agents in the order of the roster, None for one edge in a turn; None instead: legal nodes
+            do not depend on speeds.
+        terms: the costs and times of travel by metres; None: speeds count edges.
+        are_all_legal: whether agents may move to any node in a turn; by metres, they are never on edges.
+
+    Attributes:
+        streets, whole, closed, are_all_legal: the arguments of these names.
+        depends_on_speeds: whether legal nodes depend on speeds and on the positions of agents on edges.
+        paces: (agents,) the speeds, in edges at most the number of nodes; NaN: along one edge.
+        is_paced: (agents,) whether each agent has a speed.
+        by_metres: whether agents may be anywhere on edges, and move by speeds in metres.
+        leaves_nodes: whether agents may be off the nodes.
+        all_roads: the open roads of each game.
+        roads: the same; None: the roads in `streets` are open in all games.
+        tables: the legal nodes of games along one edge on several maps; None: they are on one.
+        noted: the legal nodes and positions in games that are played in contexts of their own; None: in none.
+        edge: (games, agents) by metres, the rows of the edges that agents are on; else the rows of the nodes at the
+            ends of partly covered edges; -1: none. Empty if nothing depends on speeds, as the following columns.
+        share: (games, agents) the share of the edge behind each agent.
+        motion: (games, agents) by metres, the motion on the edge, see `ir.progress.Motion`.
+        now: (games,) by metres, the time in the turn, from 0 to 1, at which the asked agents decide.
+    """
+
+    all_roads: OpenRoads
+    roads: OpenRoads | None = None
+    tables: RoadTables | None = None
+    noted: NotedMoves | None = None
+    _on: RoadMap | None = None  # the map, if it is not that of the start
+    _original: "Movement | None" = None  # of which this is a copy on another map or with notes
+
+    def __init__(
+        self,
+        streets: StreetGraph,
+        whole: StreetGraph | None = None,
+        closed: ClosedEdges | None = None,
+        *,
+        speeds: Sequence[float | None] | None = None,
+        terms: TravelTerms | None = None,
+        are_all_legal: bool = False,
+    ) -> None:
+        self.streets = streets
+        self.whole = streets if whole is None else whole
+        self.closed = closed or {}
+        self.are_all_legal = are_all_legal
+        self.depends_on_speeds = speeds is not None
+        self.by_metres = terms is not None
+        self.leaves_nodes = self.by_metres
+        # No path to a node has more edges than there are nodes.
+        most = np.inf if self.by_metres else streets.num_nodes
+        self.paces = np.array([np.nan if speed is None else min(speed, most) for speed in speeds or ()], np.float64)
+        self.is_paced = ~np.isnan(self.paces)
+        self._terms = terms
+        self._tables: dict[str | None, RouteTable] = {}
+        self._put_on_nodes((0, len(self.paces)))
+        if self.depends_on_speeds:
+            self.begin((0, len(self.paces)))
+
+    # -- the map --------------------------------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> GraphColumns:
+        """The graph that numbers the edges in `edge`: all edges that may be open in a game."""
+        return self.whole.columns
+
+    @cached_property
+    def lines(self) -> Lines:
+        """The polylines of the edges of `columns`."""
+        return Lines(self.columns)
+
+    @property
+    def terms(self) -> TravelTerms:
+        """The costs and times of travel by metres."""
+        assert self._terms is not None  # noqa: S101 - asked by metres only
+        return self._terms
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the legal nodes are the own node and its neighbors in `streets`, in every game."""
+        return not (self.are_all_legal or self.depends_on_speeds or self.noted is not None)
+
+    @property
+    def acts_by_paths(self) -> bool:
+        """Whether actions toward nodes may be paths, which are not numbers of legal nodes."""
+        return self.depends_on_speeds and self.noted is None
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether an agent goes any distance in a turn, by metres."""
+        return self.terms.seconds is None and bool(np.isinf(self.paces).any())
+
+    @cached_property
+    def map(self) -> core.RoadEdges:
+        """The map in the form of the core."""
+        return self.new_map()
+
+    def new_map(self) -> core.RoadEdges:
+        """Return the map in the form of the core, for one thread."""
+        terms = self.terms
+        leaving, _ = self.all_roads.edges_at([self._on])
+        return map_of(self.columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
+
+    def on(self, roads: RoadMap) -> Self:
+        """Return the movement of the same agents on another map."""
+        own = copy(self)
+        own.roads = None
+        own.streets = roads.streets
+        own._on = roads
+        own._tables = {}
+        own._original = self
+        for name in _OF_MAP:
+            vars(own).pop(name, None)
+        return own
+
+    def at_start(self) -> Self:
+        """Return the movement of the same agents on the map of the start."""
+        own = copy(self)
+        own.roads = None
+        return own
+
+    def with_notes(self, noted: NotedMoves) -> Self:
+        """Return the movement in which the games that are played in contexts of their own are as noted."""
+        own = copy(self)
+        own._original = self
+        own.noted = noted
+        own.leaves_nodes = True
+        return own
+
+    def _each_map(self, games: IntArray) -> Iterator[tuple[Self, IntArray]]:
+        """Yield the movement on each map of some games, and the indices of its games."""
+        for roads, places in self.all_roads.by_map(games):
+            if roads is None:
+                yield self.at_start(), places
+            else:
+                yield kept_in(roads.shared, "movement", partial(self.on, roads)), places
+
+    def routes(self, weight: str | None) -> RouteTable:
+        """Return the tables of paths along `streets`, by an edge weight.
+
+        Raises:
+            NeedsOneMap: the games have several maps.
+        """
+        if self.roads is not None:
+            refuse_several_maps("what routes say")
+        if as_key(weight, "weight") not in self._tables:
+            self._tables[weight] = shared_routes(self.streets, weight)
+        return self._tables[weight]
+
+    # -- parts of edges -------------------------------------------------------------------------------------------
+
+    def begin(self, shape: tuple[int, int]) -> None:
+        """Reserve memory for these numbers of games and agents, with all agents on nodes."""
+        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, shape[0])
+        self._put_on_nodes(shape if self.depends_on_speeds else (0, 0))
+
+    def _put_on_nodes(self, shape: tuple[int, int]) -> None:
+        """Reserve memory for the covered parts of edges."""
+        self.edge = np.full(shape, -1)
+        self.share = np.zeros(shape)
+        self.motion = np.zeros(shape if self.by_metres else (0, 0), np.int64)
+        self.now = np.zeros(shape[0] if self.by_metres else 0)
+
+    @property
+    def remembered(self) -> dict[str, np.ndarray[Any, Any]]:
+        """The arrays (games, agents) with the covered parts of edges, by name."""
+        if not self.depends_on_speeds:
+            return {}
+        if self.by_metres:
+            return {"edge": self.edge, "share": self.share, "motion": self.motion}
+        return {"begun": self.edge, "covered": self.share}
+
+    def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
+        """Reset the covered parts of edges."""
+        if self.depends_on_speeds:
+            self.edge[games, agents] = -1
+            self.share[games, agents] = 0.0
+
+    def take_out(self, games: IntArray, agents: IntArray) -> None:
+        """Reset the covered parts of edges of eliminated agents; by metres, they keep their positions."""
+        if not self.by_metres:
+            self.clear(games, agents)
+
+    def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
+        """Set the covered part of an agent's edge in some games."""
+        if self.by_metres:
+            rows = np.flatnonzero(self.columns.edge_ids == place.edge)
+            if not len(rows):  # the edge was removed
+                return
+            self.motion[games, agent] = place.motion
+        elif self.depends_on_speeds:
+            rows = self.streets.rows([place.target])
+        else:
+            return
+        self.edge[games, agent] = rows[0]
+        self.share[games, agent] = place.share
+
+    def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
+        """Return the covered parts of edges of a game's agents on these nodes, (agents,), by their numbers."""
+        if not self.depends_on_speeds:
+            return {}
+        if self.by_metres:
+            return self.progress(self.edge[game], self.share[game], self.motion[game])
+        agents = np.flatnonzero(self.edge[game] >= 0)
+        ids = self.streets.ids
+        each = ids(node[agents]), ids(self.edge[game, agents]), self.share[game, agents]
+        found = zip(*(one.tolist() for one in each), strict=True)
+        return {agent: Progress(*one) for agent, one in zip(agents.tolist(), found, strict=True)}
+
+    def progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
+        """Return the positions of agents on edges, by their places; edges of -1 are nodes."""
+        places = np.flatnonzero(edge >= 0)
+        columns = self.columns
+        edges = edge[places]
+        ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
+        each = (*ends, share[places], columns.edge_ids[edges], motion[places])
+        found = zip(*(one.tolist() for one in each), strict=True)
+        return {place: Progress(*one) for place, one in zip(places.tolist(), found, strict=True)}
+
+    def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the rows of the edges that agents are on, in games by metres; -1: on a node, or a closed edge."""
+        shape = np.broadcast_shapes(which[0].shape, which[1].shape)
+        if not (self.by_metres and len(self.edge)):
+            return np.full(shape, -1)
+        edge: IntArray = self.edge[which]
+        is_open = self.all_roads.are_open_rows(edge.ravel(), np.broadcast_to(which[0], shape).ravel())
+        return np.where(is_open.reshape(shape), edge, -1)
+
+    def leave_closed_edges(self, games: IntArray, members: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Put agents on closed edges back on the nodes that they passed last; return their games, numbers and edges.
+
+        Args:
+            games: the numbers of the games.
+            members: (games, agents) a mask of the agents that leave their edges.
+        """
+        at, agents = np.nonzero(members & (self.edge[games] >= 0))
+        edges = self.edge[games[at], agents]
+        is_closed = ~self.all_roads.are_open_rows(edges, games[at])
+        those = games[at[is_closed]], agents[is_closed]
+        self.clear(*those)
+        return (*those, edges[is_closed])
+
+    def backs(self, edges: IntArray, games: IntArray) -> IntArray:
+        """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none."""
+        found = np.full(len(edges), -1)
+        for movement, places in self._each_map(games):
+            backs = found[places]
+            core.backs(movement.map, buffer(edges[places]), backs.data)
+            found[places] = backs
+        return found
+
+    def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
+        """Return the positions of agents with these last nodes."""
+        columns = self.columns
+        edge = self.on_edge(which)
+        ids = np.full((*node.shape, 3), -1)
+        offset_m = np.zeros(node.shape)
+        xy = columns.xy[node]
+        on = np.nonzero(edge >= 0)
+        if len(on[0]):
+            rows = edge[on]
+            share = self.share[which][on]
+            ends = columns.node_ids[columns.sources[rows]], columns.node_ids[columns.targets[rows]]
+            ids[on] = np.column_stack((*ends, columns.edge_ids[rows]))
+            offset_m[on] = share * columns.lengths[rows]
+            xy[on] = np.column_stack(self.lines.at(rows, share)[:2])
+        found = Places(ids, offset_m, xy)
+        return found if self.noted is None else self.noted.put_places(found, which)
+
+    # -- legal nodes ----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def width(self) -> int:
+        """The number of actions: the maximum number of legal nodes of any agent, at any place.
+
+        Raises:
+            BadValue: more than 4096.
+        """
+        if self._original is not None:
+            return self._original.width
+        most = self.most_legal(_MOST_ACTIONS)
+        if most > _MOST_ACTIONS:
+            raise BadValue(
+                f"An agent may go to {most} nodes or more in a turn, and {_MOST_ACTIONS} actions are the most that "
+                "masks and vectors have: give agents lower speeds, a smaller map, or leave legal='edges'."
+            )
+        return most
+
+    def most_legal(self, limit: int) -> int:
+        """Return the maximum number of legal nodes; above the limit, any number above it."""
+        if self.are_all_legal:
+            return self.streets.num_nodes
+        if not self.depends_on_speeds:
+            return int(self.streets.counts.max(initial=1))
+        most = 1
+        for speed in np.unique(self.paces).tolist():
+            if most <= limit:
+                most = max(most, self._most_by_metres(speed, limit) if self.by_metres else self._most_by_edges(speed))
+        return most
+
+    def _most_by_edges(self, speed: float) -> int:
+        """Return the maximum number of legal nodes at a speed; if it is an integer, no agent is on an edge."""
+        streets = self.streets
+        if speed >= streets.num_nodes:
+            return streets.num_nodes
+        nodes = np.arange(streets.num_nodes)
+        if not speed % 1.0:
+            return self._most_at(nodes, np.full(len(nodes), -1), speed)
+        return self._most_at(np.repeat(nodes, streets.counts), streets.targets, speed)
+
+    def _most_at(self, node: IntArray, ahead: IntArray, speed: float) -> int:
+        """Return the maximum number of legal nodes at positions on edges covered to the end, at a speed in edges."""
+        most = 1
+        for first in range(0, len(node), _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            here = node[some]
+            nothing = np.zeros(len(here))
+            columns = ahead[some], np.ones(len(here)), nothing.astype(np.int64), np.full(len(here), speed), nothing
+            most = max(most, int(self._find_at(here, *columns)[0].max(initial=1)))
+        return most
+
+    def _most_by_metres(self, speed: float, limit: int) -> int:
+        """Return the maximum number of legal nodes at a speed; on an edge, both its ends together have more."""
+        columns = self.streets.columns
+        most = 1
+        nodes = self.streets.num_nodes
+        reached = list[set[int]]()
+        for first in range(0, nodes, _AT_ONCE):
+            here = np.arange(first, min(first + _AT_ONCE, nodes))
+            nothing = np.zeros(len(here))
+            on_nodes = np.full(len(here), -1), nothing, nothing.astype(np.int64)
+            counts, listed = self._find_at(here, *on_nodes, np.full(len(here), speed), nothing)
+            reached += [{*rows.tolist()} for rows in np.split(listed, np.cumsum(counts)[:-1])]
+            most = max(most, int(counts.max()))
+            if most > limit:
+                return most
+        for source, target in zip(columns.sources.tolist(), columns.targets.tolist(), strict=True):
+            most = max(most, len(reached[source] | reached[target]))
+        return most
+
+    def are_plain(self, agents: IntArray) -> bool:
+        """Return whether the legal moves of agents, by their numbers, are those of `streets` in all games."""
+        if self.acts_by_paths:
+            return not (self.leaves_nodes or self.is_paced[agents].any())
+        return self.is_plain and self.roads is None
+
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents.
+
+        Args:
+            node: the rows of their nodes.
+            which: the numbers of their games and their numbers in the roster, which broadcast with `node`.
+        """
+        found: IntArray
+        if self.are_all_legal:
+            found = np.full(node.shape, self.streets.num_nodes)
+        elif self.depends_on_speeds:
+            found = self._find(node, which)[0].reshape(node.shape)
+        else:
+            found = self._count_on_streets(node, which)
+        return found if self.noted is None else self.noted.put_counts(found, which)
+
+    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, with one axis more, and a mask of valid entries; see `counts`.
+
+        Other entries are the nodes of the agents.
+        """
+        if self.are_all_legal:
+            actions = np.arange(self.streets.num_nodes)
+            here = node[..., None]
+            found = np.where(actions == 0, here, actions - (actions <= here))
+            is_legal: BoolArray = np.ones(found.shape, np.bool_)
+        elif self.depends_on_speeds:
+            counts, listed = self._find(node, which)
+            columns = np.arange(int(counts.max(initial=1)))
+            is_legal = columns < counts.reshape(*node.shape, 1)
+            found = np.repeat(node[..., None], len(columns), axis=-1)
+            found[is_legal] = listed
+        else:
+            counts = self._count_on_streets(node, which)[..., None]
+            columns = np.arange(int(counts.max(initial=1)))
+            is_legal = columns < counts
+            found = self._ends_on_streets(node, which, np.where(is_legal, columns, 0))
+        return (found, is_legal) if self.noted is None else self.noted.put_legal(found, is_legal, which)
+
+    @property
+    def _table(self) -> RoadTables | None:
+        """The legal nodes along one edge on all maps of the games; None: they are those of `streets`."""
+        return self.tables if self.roads is None else self.roads.tables
+
+    def _count_on_streets(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents that move along one edge."""
+        tables = self._table
+        if tables is None:
+            return self.streets.counts_of(node).astype(np.int64)
+        places = tables.first[which[0]] + node
+        found: IntArray = tables.offsets[places + 1] - tables.offsets[places]
+        return found
+
+    def _ends_on_streets(self, node: IntArray, which: tuple[IntArray, IntArray], actions: IntArray) -> IntArray:
+        """Return the rows of the nodes that actions of such agents lead to; actions have one axis more."""
+        tables = self._table
+        if tables is None:
+            return self.streets.ends_of(node[..., None], actions)
+        first = tables.offsets[tables.first[which[0]] + node]
+        found: IntArray = tables.targets[first[..., None] + actions]
+        return found
+
+    def action_to(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
+        """Return the numbers of the legal nodes with the rows `targets`; -1 if one is not legal."""
+        if self.are_all_legal and self.noted is None:
+            return np.where(targets == node, 0, targets + (targets < node))
+        nodes, is_legal = self.legal(node, which)
+        matches = (nodes == targets[..., None]) & is_legal
+        return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
+
+    def towards(self, node: IntArray, targets: IntArray, allowed: BoolArray | None = None) -> IntArray:
+        """Return the actions that lead agents toward nodes, as strategies do; -1: no path.
+
+        Args:
+            node: the rows of their nodes.
+            targets: the rows of the targets, of the same shape.
+            allowed: (nodes,) a mask of the nodes that may be entered; None: all.
+        """
+        if self.are_all_legal:
+            return np.where(targets == node, 0, targets + (targets < node))
+        return self.routes("length").actions(node, targets, allowed)
+
+    # -- legal nodes that depend on speeds ------------------------------------------------------------------------
+
+    @cached_property
+    def _legal_nodes(self) -> core.LegalNodes:
+        """The search of the core for the legal nodes of one agent."""
+        reach = ReachableNodes(self.streets.num_nodes).core
+        if self.by_metres:
+            return core.LegalByMetres(self.map, reach, goes_on=self.terms.decides_at_arrivals)
+        return LegalByEdges(self.streets.core, reach)
+
+    @cached_property
+    def _room(self) -> IntArray:
+        """Memory for the nodes that the core lists at once."""
+        return np.empty(self.streets.num_nodes + _ROOM, np.int64)
+
+    def _find(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+        """Return the number of legal nodes of each agent, and the rows of these nodes in sequence; see `counts`."""
+        games, agents = (np.broadcast_to(one, node.shape).ravel() for one in which)
+        here = node.ravel()
+        if self.roads is None:
+            return self._find_on_map(here, games, agents)
+        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+        order = [np.zeros(0, np.int64)]
+        for movement, places in self._each_map(games):
+            parts.append(movement._find_on_map(here[places], games[places], agents[places]))
+            order.append(places)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        counts = np.concatenate([one for one, _ in parts])
+        listed, _ = kernels.chosen_runs(np.concatenate(([0], np.cumsum(counts))), back)
+        return counts[back], np.concatenate([rows for _, rows in parts])[listed]
+
+    def _find_on_map(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+        """Return what `_find` does for games on this map; all arguments are flat."""
+        which = games, agents
+        edge = self.on_edge(which) if self.by_metres else self.edge[which]
+        motion = self.motion[which] if self.by_metres else np.zeros(len(node), np.int64)
+        now = self.now[games] if self.by_metres else np.zeros(len(node))
+        return self._find_at(node, edge, self.share[which], motion, self.paces[agents], now)
+
+    def _find_at(
+        self, node: IntArray, edge: IntArray, share: FloatArray, motion: IntArray, speed: FloatArray, now: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return what `_find` does for agents at these positions; see `core.LegalNodes.find`."""
+        columns = [buffer(column) for column in (node, edge, share, motion, speed, now)]
+        counts = np.zeros(len(node), np.int64)
+        parts = [np.zeros(0, np.int64)]
+        first = 0
+        while first < len(node):
+            last = core.find_each(*[self._legal_nodes, first, *columns, buffer(self._room), counts.data])
+            parts.append(self._room[: counts[first:last].sum()].copy())
+            first = last
+        return counts, np.concatenate(parts)
