@@ -102,7 +102,7 @@ def roam(view):
     known = view.keep("asked", lambda games: {"number": np.zeros((games, 6), np.int64)})["number"]
     number = known[np.ix_(view.games, view.agents)] + view.mask
     known[np.ix_(view.games, view.agents)] = number
-    sees = view.sees().sum(axis=-1)
+    sees = view.seen().mask.sum(axis=-1)
     lots = view.draw.below(7) + view.only(view.node % 2 == 0).draw.below(3)
     view.do("scan", lots == 3)
     view.send("radio", lots % 2 == 0, (view["time"][:, None] * 100 + sees + number).astype(np.int64))

@@ -148,14 +148,14 @@ def test_what_is_no_row_of_a_node_is_refused(case):
     here = np.array([0, 1])
     with scene().batch(2) as games:
         view = games.observe("red")
-        routes, flows = view.routes(), view.flows()
-        pairs = (routes.distances, routes.actions, flows.edges)
+        routes = view.routes()
+        pairs = (routes.distances, routes.actions)
         for ask in (*pairs, *(lambda one, other, ask=ask: ask(other, one) for ask in pairs)):
             with pytest.raises(kind, match=message):
                 ask(rows, here)
         streets = view.streets
         alone = (streets.ids, lambda one: streets.step(one, 0), lambda one: streets.action_to(one, here[:1]))
-        for ask in (*alone, lambda one: flows.walks(one, 2), lambda one: flows.within(one, 10.0)):
+        for ask in alone:
             if case != "another shape":
                 with pytest.raises(kind, match=message):
                     ask(rows)
@@ -184,6 +184,5 @@ def test_what_is_no_number_of_a_legal_node_is_refused(actions, kind, message):
 def test_what_is_no_name_of_a_weight_is_refused():
     with scene().batch(2) as games:
         view = games.observe("red")
-        for ask in (view.routes, lambda weight: view.flows().within(np.array([0]), 10.0, weight)):
-            with pytest.raises(BadType, match="weight must be"):
-                ask({})
+        with pytest.raises(BadType, match="weight must be"):
+            view.routes({})

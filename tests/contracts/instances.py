@@ -185,7 +185,6 @@ def parts_of_a_batch(closing: contextlib.ExitStack) -> Instances:
         "view": view,
         "streets": view.streets,
         "routes of a view": view.routes(),
-        "flows": view.flows(),
         "draws of a view": view.draw,
         "vector": view.vector(),
         "enemies": view.enemies(),

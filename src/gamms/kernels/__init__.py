@@ -71,5 +71,4 @@ from gamms.kernels.paths import (
     least_matching,
     make_arcs,
     route_tables,
-    route_trees,
 )

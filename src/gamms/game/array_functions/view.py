@@ -18,7 +18,6 @@ from gamms.game.block.sensing import (
     SHOWING_NODES,
     VisibleAgentPairs,
     VisibleNodes,
-    covered,
     names_of,
     seen,
     seen_nodes,
@@ -27,7 +26,6 @@ from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.block.strategy_steps import looks_of, make_looks
 from gamms.game.block.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
-from gamms.game.movement.flows import Flows
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
 from gamms.game.movement.roads import OpenRoads
@@ -234,10 +232,6 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
         return ArrayView(self._state, self.games[places], self.agents)
 
-    def sees(self, *names: str) -> BoolArray:
-        """Return a mask: whether each agent sees each other agent, (games, agents, all agents); see `seen`."""
-        return self.seen(*names).mask
-
     def do(self, deed: str, where: Any, /, **fields: object) -> None:
         """Make agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds keep the order of the calls.
 
@@ -348,11 +342,6 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         named = as_key(names, "The name of a sensor")
         with self._state.reading():
             return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
-
-    def covered(self) -> BoolArray:
-        """Return the nodes where sensors would show agents with positive probability, (games, agents, nodes)."""
-        with self._state.reading():
-            return covered(self._state, self.games, self.agents, self.node, self.mask)
 
     def enemies(self) -> VisibleAgentPairs:
         """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
@@ -497,13 +486,6 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         All batches on equal graphs share these tables; tables of other graphs are kept up to 512 MB.
         """
         return self._movement.routes(weight)
-
-    def flows(self) -> Flows:
-        """Return tools for random walks, diffusion of probabilities, and reachable sets along edges.
-
-        Their results are cached for the batch.
-        """
-        return kept_in(self._shared, "flows", lambda: Flows(self.streets))
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.

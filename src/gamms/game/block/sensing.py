@@ -358,34 +358,6 @@ def _nodes_shown(
     return np.repeat(at, counts), state.streets.rows(found.values)[places]
 
 
-def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray) -> BoolArray:
-    """Return a mask of the nodes where ground sensors may show agents, (games, agents, nodes)."""
-    found = np.zeros((*node.shape, state.streets.num_nodes), np.bool_)
-    if state.look is not None and not state.noted.keys().isdisjoint(agents.tolist()):
-        state.look(games)
-    for column, number in enumerate(agents.tolist()):
-        agent = state.roster.agents[number]
-        here = node[:, column]
-        for name, sensor in sensors_of(agent).items():
-            if sensor.type not in ON_GROUND:
-                continue
-            for start in np.unique(here[asked[:, column]]).tolist():
-                at = np.flatnonzero(asked[:, column] & (here == start))
-                if turns_with_agent(sensor) or state.roster.varies[number]:
-                    for i in at.tolist():
-                        found[i, column, state.covered.get((int(games[i]), number), {}).get(name, [])] = True
-                    continue
-                rows = rows_covered(state, sensor, int(state.streets.ids(np.array(start))), agent.name)
-                found[at[:, None], column, rows] = True
-    return found
-
-
-def rows_covered(state: GameArrays, sensor: ISensor, node_id: int, owner: str) -> IntArray:
-    """Return the rows of the nodes where a sensor would show agents with some probability, from a node."""
-    there = sensor.coverage(node_id, owner)
-    return state.streets.rows(there.node_ids[there.detection > 0.0])
-
-
 # -- what is noted --------------------------------------------------------------------------------------------------
 
 
@@ -413,9 +385,6 @@ def note_sights(
             known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
             sights[name] = others, state.streets.rows(nodes)
-            if turns_with_agent(carried[name]) or state.roster.varies[i]:
-                rows = rows_covered(state, carried[name], agent.current_node_id, agent.name)
-                state.covered.setdefault((number, i), {})[name] = rows
         state.sighted_nodes[number, i] = {name: state.streets.rows(_nodes_in(data[name])) for name in of_nodes}
 
 

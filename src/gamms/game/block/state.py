@@ -557,7 +557,6 @@ class GameArrays(BatchColumns):
         self.now = dict[Hashable, Any]()
         self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
-        self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.look: Callable[[IntArray], None] | None = None
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
