@@ -26,10 +26,10 @@ from gamms.game.block.strategy_steps import (
     can_read,
     has_plain_looks,
 )
-from gamms.game.block.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
+from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS
-from gamms.game.movement.courses import EdgeCourses, MetreCourses, Paths, paths_in_parts
+from gamms.game.movement.courses import Courses, Paths, paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, no_way
@@ -770,7 +770,7 @@ class CoreGames:
         self._made: list[tuple[turn.Player, BatchRules]] = []  # of each thread
         self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
-        self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
+        self._columns: TravelColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
         self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
         self.deciders: tuple[rules.GameColumns, moves.OneEdgeMovers]
@@ -851,7 +851,7 @@ class CoreGames:
         block = self._block
         by = self._state.movement
         columns = self._columns
-        assert isinstance(columns, MetreColumns) and columns.arrivals is not None  # noqa: S101, PT018 - by metres
+        assert columns is not None and columns.arrivals is not None and columns.ends is not None  # noqa: S101, PT018
         columns.keep_courses()
         self._arrivals = columns.arrivals
         self._ends = columns.ends
@@ -917,7 +917,7 @@ class CoreGames:
         return block.start, block.went, block.takes_part, block.part, block.wanted, *courses
 
     @property
-    def courses(self) -> EdgeCourses | MetreCourses | None:
+    def courses(self) -> Courses | None:
         """The paths of agents that do not move along one edge per turn, if functions are called; else None."""
         return None if self._columns is None else self._columns.courses
 
@@ -1123,23 +1123,17 @@ class CoreGames:
                 parts.append(rules.chained(made))
         return parts
 
-    def _new_columns(self) -> EdgeColumns | MetreColumns | None:
+    def _new_columns(self) -> TravelColumns | None:
         """Return the shared columns of games whose agents do not move along one edge per turn."""
-        by = self._state.movement
-        go_by_steps = any(self._steps)
-        keeps_courses = self._keeps_courses or self.num_parts > 1
-        if by.by_metres:
-            return MetreColumns(
-                self._state,
-                by,
-                self.part_of,
-                go_by_steps=go_by_steps,
-                keeps_courses=keeps_courses,
-                has_conflicts=self._has_conflicts,
-            )
-        if by.depends_on_speeds:
-            return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
-        return None
+        if not self._state.movement.depends_on_speeds:
+            return None
+        return TravelColumns(
+            self._state,
+            self.part_of,
+            go_by_steps=any(self._steps),
+            keeps_courses=self._keeps_courses or self.num_parts > 1,
+            has_conflicts=self._has_conflicts,
+        )
 
     def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
         """Return the contests that find the losers of conflicts; None: there are no conflicts."""
@@ -1149,7 +1143,7 @@ class CoreGames:
         roster = self._state.roster
         columns = self._columns
         graph = state.movement.columns
-        limits = self._conflicts.limits(graph, has_edges=isinstance(columns, MetreColumns))
+        limits = self._conflicts.limits(graph, has_edges=state.movement.by_metres)
         teams = [roster.teams[team] for team in roster.team_of.tolist()]
         num_nodes = len(graph.node_ids)
         table = ConflictTable(self._conflicts, roster.names, teams, roster.flies, limits, num_nodes, make_tables)

@@ -10,7 +10,7 @@ from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, tr
 from gamms.game.block.state import GameArrays
 from gamms.game.conflicts import flat
 from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
-from gamms.game.movement.courses import EdgeCourses, MetreCourses
+from gamms.game.movement.courses import Courses
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.travel import ReachableNodes, StoredPaths, TurnPaths
@@ -95,88 +95,11 @@ def _remembered(rows: int) -> int:
     return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
 
 
-class EdgeColumns:
-    """The columns that all threads share in games along several edges per turn.
+class TravelColumns:
+    """The columns that all threads share in games by metres, or along several edges per turn.
 
     Args:
         state: the state of all games.
-        by: the movement of the agents.
-        part_of: (agents,) the part of the turn in which each agent moves.
-        go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
-        keeps_courses: whether functions are called, which may ask for the paths of agents.
-    """
-
-    def __init__(
-        self, state: GameArrays, by: Movement, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
-    ) -> None:
-        self._by = by
-        self._agents = state.node.shape[1]
-        self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
-        self.ends: tuple[IntArray, IntArray] | None = None
-        shape = state.node.shape
-        self._most = most_nodes(by) + int(part_of.any())
-        _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
-        self._ahead = np.full(shape, -1)
-        self._covered = np.zeros(shape)
-        courses = EdgeCourses(by, self._ahead, self._covered, self._most, part_of) if keeps_courses else None
-        self.courses = courses
-        rows = state.node.size
-        lengths = np.asarray(by.whole.weights("length"), np.float64)
-        edges_at = by.all_roads.edges_at_start
-        self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8, edges_at)
-        self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows), edges_at)
-        self._walks: list[by_edges.EdgePaths] = []  # of each thread
-        self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
-
-    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
-        """Set the open roads of each game for moves and paths."""
-        moved = tables.moved(self._maps)
-        self._maps = tables.maps
-        edges_at = self._by.all_roads.edges_at(self._maps)
-        for paths in (self._hops, self._ways):
-            paths.take_maps(edges_at, moved)
-        for walks in self._walks:
-            walks.take(streets)
-
-    def thread(
-        self,
-        movers: tuple[Any, ...],
-        columns: Mapping[str, Any],
-        events: rules.Events,  # noqa: ARG002
-    ) -> ThreadTravel:
-        """Return the data of one thread; see `MetreColumns`."""
-        by = self._by
-        most = self._most
-        reach = ReachableNodes(by.streets.num_nodes)
-        nodes: Any = np.zeros(self._agents * most, np.int64).data
-        times: Any = np.zeros(self._agents * most).data
-        lengths: Any = np.zeros(self._agents, np.int64).data
-        ints: Any = np.zeros(self._agents + most, np.int64).data
-        covered: Any = np.zeros(self._agents).data
-        walks = by_edges.EdgePaths(
-            *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
-            speeds=flat(by.paces, np.float64),
-            ahead=ints[: self._agents],
-            covered=covered,
-            route=ints[self._agents :],
-            kept=None if self.courses is None else self.courses.core,
-        )
-        self._walks.append(walks)
-        long_ways: travel.GoalPaths | None = None
-        if columns["by_steps"] is not None:
-            long_ways = self._ways.plain_ways(reach)
-            columns["by_steps"].go_far(long_ways)
-        after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
-        walkers = by_edges.EdgeMovers(walks, *after, long_ways, *movers, **columns)
-        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
-
-
-class MetreColumns:
-    """The columns that all threads share in games by metres.
-
-    Args:
-        state: the state of all games.
-        by: the movement of the agents.
         part_of: (agents,) the part of the turn in which each agent moves.
         go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
         keeps_courses: whether functions are called, which may ask for the paths of agents.
@@ -190,55 +113,62 @@ class MetreColumns:
     """
 
     def __init__(
-        self,
-        state: GameArrays,
-        by: Movement,
-        part_of: IntArray,
-        *,
-        go_by_steps: bool,
-        keeps_courses: bool,
-        has_conflicts: bool,
+        self, state: GameArrays, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool, has_conflicts: bool
     ) -> None:
-        self._has_conflicts = has_conflicts
+        by = state.movement
         self._by = by
-        self._agents = state.node.shape[1]
-        self._most = most_legs(by) + 2 * int(part_of.any())
+        self._has_conflicts = has_conflicts
+        self._shape = state.node.shape
+        self._agents = self._shape[1]
         self._part_of = part_of
-        shape = state.node.shape
-        self._shape = shape
-        decides_at_arrivals = by.terms.decides_at_arrivals
-        self.arrivals = ArrivalColumns(shape) if decides_at_arrivals else None
-        self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread
-        self._travelers: list[by_metres.MetreMovers] = []  # one for each thread
-        self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
-        self.courses = MetreCourses(by, shape, self._most, part_of) if keeps_courses else None
-        self._drawn = np.zeros(shape, np.int64)
-        self._kept: TurnPaths | None = None  # how agents go between arrivals
-        starts, ends = np.zeros((2, *shape), np.int64)
-        self.ends: tuple[IntArray, IntArray] = starts, ends
+        are_in_parts = int(part_of.any())
+        self._most = most_legs(by) + 2 * are_in_parts if by.by_metres else most_nodes(by) + are_in_parts
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
-        self._longest = max(8, self._most if by.is_endless else 0)
-        self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
-        self._roads: list[travel.RoadEdges] = []  # of each thread
-        self._near: list[StoredPaths] = []  # likewise
+        decides_at_arrivals = by.by_metres and by.terms.decides_at_arrivals
+        self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
+        self.arrivals = ArrivalColumns(self._shape) if decides_at_arrivals else None
+        self.courses = Courses(by, self._shape, self._most, part_of) if keeps_courses else None
+        self._kept: TurnPaths | None = None  # how agents go between arrivals
         self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
-        rows = state.node.size if go_by_steps else 0
+        self._walks: list[by_edges.EdgePaths] = []  # of each thread, by edges
+        self._roads: list[travel.RoadEdges] = []  # likewise, by metres
+        self._travelers: list[by_metres.MetreMovers] = []  # likewise
+        self._at_arrivals: list[arrivals.Arrivals] = []  # likewise
+        rows = state.node.size
         edges_at = by.all_roads.edges_at_start
-        self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows), edges_at)
+        costs = by.terms.costs if by.by_metres else np.asarray(by.whole.weights("length"), np.float64)
+        self._ways = StoredPaths(by.columns, costs, rows if go_by_steps else 0, _remembered(rows), edges_at)
+        self._paths = [self._ways]  # all that are stored
+        self.ends: tuple[IntArray, IntArray] | None = None
+        if by.by_metres:
+            starts, ends = np.zeros((2, *self._shape), np.int64)
+            self.ends = starts, ends
+            self._drawn = np.zeros(rows, np.int64)
+            self._longest = max(8, self._most if by.is_endless else 0)
+            self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
+        else:
+            self._hops = StoredPaths(by.columns, np.ones(len(costs)), rows, 8, edges_at)
+            self._paths.append(self._hops)
+            self._after: tuple[Any, Any] = np.full(rows, -1).data, np.zeros(rows).data
+            if self.courses is not None:
+                self._after = self.courses.core.edge, self.courses.core.share
 
-    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:  # noqa: ARG002 - as by edges
+    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
         """Set the open roads of each game for moves and paths."""
         moved = tables.moved(self._maps)
         self._maps = tables.maps
         all_roads = self._by.all_roads
         edges_at = all_roads.edges_at(self._maps)
-        removed = buffer(all_roads.removed(self._maps))
-        offsets, edges = map(buffer, edges_at[0])
-        for roads in self._roads:
-            roads.take(offsets, edges)
-            roads.note_removed(removed)
-        for paths in (self._memories, *self._near):
+        for paths in self._paths:
             paths.take_maps(edges_at, moved)
+        for walks in self._walks:
+            walks.take(streets)
+        if self._roads:
+            removed = buffer(all_roads.removed(self._maps))
+            offsets, edges = map(buffer, edges_at[0])
+            for roads in self._roads:
+                roads.take(offsets, edges)
+                roads.note_removed(removed)
 
     def _refuse_too_long(self, kept: int) -> None:
         """Refuse paths that would not fit into memory, given the number of copies for all games."""
@@ -250,7 +180,7 @@ class MetreColumns:
         if self._kept is None:
             self._refuse_too_long(2)
             self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
-        courses = self.courses or MetreCourses(self._by, self._shape, self._most, self._part_of)
+        courses = self.courses or Courses(self._by, self._shape, self._most, self._part_of)
         self.courses = courses
         for travelers, at_arrivals in zip(self._travelers, self._at_arrivals, strict=True):
             travelers.keep_paths(courses.core)
@@ -271,17 +201,50 @@ class MetreColumns:
             columns: its keyword arguments.
             events: receives illegal actions.
         """
+        if not self._by.by_metres:
+            return self._thread_by_edges(movers, columns)
+        return self._thread_by_metres(movers, columns, events)
+
+    def _thread_by_edges(self, movers: tuple[Any, ...], columns: Mapping[str, Any]) -> ThreadTravel:
         by = self._by
         most = self._most
+        reach = ReachableNodes(by.streets.num_nodes)
+        nodes: Any = np.zeros(self._agents * most, np.int64).data
+        times: Any = np.zeros(self._agents * most).data
+        lengths: Any = np.zeros(self._agents, np.int64).data
+        ints: Any = np.zeros(self._agents + most, np.int64).data
+        covered: Any = np.zeros(self._agents).data
+        walks = by_edges.EdgePaths(
+            *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
+            speeds=flat(by.paces, np.float64),
+            ahead=ints[: self._agents],
+            covered=covered,
+            route=ints[self._agents :],
+            kept=None if self.courses is None else self.courses.over_nodes,
+        )
+        self._walks.append(walks)
+        long_ways: travel.GoalPaths | None = None
+        if columns["by_steps"] is not None:
+            long_ways = self._ways.plain_ways(reach)
+            columns["by_steps"].go_far(long_ways)
+        walkers = by_edges.EdgeMovers(walks, *self._after, long_ways, *movers, **columns)
+        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+
+    def _thread_by_metres(
+        self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events
+    ) -> ThreadTravel:
+        by = self._by
+        most = self._most
+        assert self.ends is not None  # noqa: S101 - by metres
         roads = by.new_map()
         reach = ReachableNodes(by.streets.num_nodes)
-        ways = self._memories.ways(roads, reach)
-        near = self._memories.apart(self._slots, self._longest)
+        ways = self._ways.ways(roads, reach)
+        near = self._ways.apart(self._slots, self._longest)
         self._roads.append(roads)
-        self._near.append(near)
+        self._paths.append(near)
         if columns["by_steps"] is not None:
             columns["by_steps"].go_far(ways)
-        trips = TurnPaths(self._agents, most, max(self._memories.most, most))
+        trips = TurnPaths(self._agents, most, max(self._ways.most, most))
         kept = None if self.courses is None else self.courses.core
         travelers = by_metres.MetreMovers(
             ways,
@@ -296,7 +259,7 @@ class MetreColumns:
             motion=by.motion.reshape(-1).data,
             start_places=self.ends[0].reshape(-1).data,
             end_places=self.ends[1].reshape(-1).data,
-            drawn=self._drawn.reshape(-1).data,
+            drawn=self._drawn.data,
             most_edges=1 if by.terms.decides_at_arrivals else travel.UNLIMITED,
             kept=kept,
             **columns,

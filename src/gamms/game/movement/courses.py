@@ -128,95 +128,17 @@ class Routes:
         self._ids.clear()
 
 
-class EdgeCourses:
-    """The routes of agents with speeds in edges in all games, and their paths in the last turns.
-
-    Args:
-        by: the movement of the agents.
-        ahead, covered: (games, agents) the node at the end of each partly covered edge, and the covered share.
-        most: the maximum number of nodes that an agent passes in a turn.
-        part_of: (agents,) the part of the turn in which each agent moves.
-
-    Attributes:
-        core: the paths that the core has written.
-        routes: the chosen routes.
-    """
-
-    def __init__(self, by: Movement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
-        shape = len(ahead), ahead.shape[1]
-        self._by = by
-        self._ahead = ahead
-        self._covered = covered
-        self._are_at_once = not part_of.any()
-        self._nodes = np.zeros((*shape, most), np.int64)
-        self._times = np.zeros((*shape, most))
-        self._lengths = np.ones(shape, np.int64)
-        self._ahead[:] = -1
-        views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
-        self.core = rules.AgentPaths(*views)
-        self.routes = Routes(by, shape, most, most)
-
-    def columns(self) -> list[np.ndarray[Any, Any]]:
-        """Return the stored columns of the last turns."""
-        most = int(self._lengths.max(initial=1))
-        return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
-
-    def stand(self, game: int, agent: int, node: int) -> None:
-        """Let an agent stay on a node for the whole turn."""
-        self._nodes[game, agent, 0] = node
-        self._times[game, agent, 0] = 0.0
-        self._lengths[game, agent] = 1
-        self._ahead[game, agent] = -1
-        self._covered[game, agent] = 0.0
-
-    def note_places(self, *, are_open: bool) -> None:
-        """Do nothing: agents stand on nodes; see `MetreCourses`."""
-
-    def game_paths(self, game: int, agents: IntArray, others: IntArray, starts: IntArray) -> GamePaths:  # noqa: ARG002 - as by metres
-        """Return the paths of agents that did more than move along one edge; the agent numbers may be -1, for none."""
-        nodes = self._nodes[game, agents]
-        lengths = self._lengths[game, agents]
-        ahead = self._ahead[game, agents]
-        covered = self._covered[game, agents]
-        ids = self._by.streets.ids
-        has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
-        if not self._are_at_once:
-            has_gone_far = lengths > 1
-        is_acting = agents >= 0
-        found = GamePaths(len(agents))
-        for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
-            path = ids(nodes[place, : lengths[place]]).tolist()
-            times = self._times[game, agents[place], : lengths[place]].tolist()
-            progress = None
-            if ahead[place] >= 0:
-                progress = Progress(path[-1], int(ids(ahead[place])), float(covered[place]))
-            found.walk(place, path, progress, times)
-        return found
-
-    def paths(
-        self,
-        games: IntArray,
-        starts: IntArray,
-        took_part: BoolArray,
-        standing: BoolArray | None = None,  # noqa: ARG002 - as by metres
-    ) -> Paths:
-        """Return the paths of agents; agents that did not take part stay at their starts."""
-        lengths = np.where(took_part, self._lengths[games], 1)
-        most = int(lengths.max(initial=1))
-        return paths_over(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
-
-
-class MetreCourses:
-    """The routes of agents by metres in all games, and their paths in the last turns.
+class Courses:
+    """The routes of agents in all games, and their paths in the last turns, for functions that ask for them.
 
     Args:
         by: the movement of the agents.
         shape: the numbers of games and agents.
-        most: the maximum number of legs of an agent in a turn.
+        most: the maximum number of legs of an agent in a turn; by edges, of nodes.
         part_of: (agents,) the part of the turn in which each agent moves.
 
     Attributes:
-        core: the paths that the core has written.
+        core: the paths that the core has written; by edges, `edge` and `share` are what `EdgeMovers` has left.
         routes: the chosen routes.
     """
 
@@ -226,11 +148,17 @@ class MetreCourses:
         self._shape = shape
         self._here: tuple[IntArray, FloatArray, IntArray, IntArray] = by.edge, by.share, by.motion, by.edge
         self.note_places(are_open=False)
-        self._trips = TurnPaths(shape[0] * shape[1], most, 0)
+        self._trips = TurnPaths(shape[0] * shape[1], most if by.by_metres else most - 1, 0)
         self._trips.passed[:] = 1
         self._trips.edge[:] = -1
         self.core = self._trips.core
-        self.routes = Routes(by, shape, most, most - _MORE_LEGS - 2 * int(part_of.any()))
+        longest = most - _MORE_LEGS - 2 * int(part_of.any()) if by.by_metres else most
+        self.routes = Routes(by, shape, most, longest)
+
+    @property
+    def over_nodes(self) -> rules.AgentPaths:
+        """The nodes of the paths, and the times at them, in the form of the core."""
+        return rules.AgentPaths(self.core.nodes, self.core.times, self.core.passed)
 
     @cached_property
     def _ids(self) -> RoadIds:
@@ -262,11 +190,13 @@ class MetreCourses:
         trips.times[row, 0] = 0.0
 
     def note_places(self, *, are_open: bool) -> None:
-        """Store the positions of agents that are about to move; agents on closed edges are on nodes.
+        """Store the positions on edges, by metres, of agents that are about to move; edges that are closed are nodes.
 
         `are_open` says that the edges stored last are open, even if functions have closed them since.
         """
         by = self._by
+        if not by.by_metres:
+            return
         if are_open:
             edge = np.where(by.edge == self._here[0], by.edge, -1)
             back = self._here[3]
@@ -281,6 +211,8 @@ class MetreCourses:
     def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> GamePaths:
         """Return the paths of agents of a game, and of others that stand on edges at their noted positions.
 
+        By edges, these are the paths of agents that did more than move along one edge at once.
+
         Args:
             game: the number of the game.
             agents: the numbers of the agents; -1: no agent.
@@ -289,12 +221,32 @@ class MetreCourses:
         """
         trips = self._trips
         rows = game * self._shape[1] + agents
+        if not self._by.by_metres:
+            return self._game_paths_by_edges(agents >= 0, rows)
         found = GamePaths(len(agents), int(trips.legs.max(initial=0)) + _MORE_LEGS)
         for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
             found.take(place, trips.core, int(rows[place]), int(trips.legs[rows[place]]), self._ids)
         edge, share, _, back = (column[game, others] for column in self._here)
         for place in np.flatnonzero((others >= 0) & (edge >= 0)).tolist():
             found.stand(place, (int(nodes[place]), int(edge[place]), float(share[place])), int(back[place]), self._ids)
+        return found
+
+    def _game_paths_by_edges(self, is_acting: BoolArray, rows: IntArray) -> GamePaths:
+        trips = self._trips
+        lengths = trips.passed[rows]
+        ahead = trips.edge[rows]
+        has_gone_far = lengths > 1
+        if not self._part_of.any():
+            has_gone_far = (lengths > 2) | ((lengths == 2) & (trips.nodes[rows, 0] == trips.nodes[rows, 1]))  # a loop
+        ids = self._by.streets.ids
+        found = GamePaths(len(rows))
+        for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
+            row = rows[place]
+            path = ids(trips.nodes[row, : lengths[place]]).tolist()
+            progress = None
+            if ahead[place] >= 0:
+                progress = Progress(path[-1], int(ids(ahead[place])), float(trips.share[row]))
+            found.walk(place, path, progress, trips.times[row, : lengths[place]].tolist())
         return found
 
     def paths(
@@ -311,6 +263,10 @@ class MetreCourses:
         """
         trips = self._trips
         rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
+        if not self._by.by_metres:
+            lengths = np.where(took_part, trips.passed[rows], 1)
+            most = int(lengths.max(initial=1))
+            return paths_over(trips.nodes[rows, :most], trips.times[rows, :most], lengths, starts)
         stands = np.zeros_like(took_part) if standing is None else standing & (self._here[0][games] >= 0)
         place, share, _, noted_back = (column[games][stands] for column in self._here)
         counts = np.where(stands, 1, np.where(took_part, trips.legs[rows], 0))
