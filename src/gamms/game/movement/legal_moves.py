@@ -3,7 +3,7 @@
 The core finds the legal nodes of agents with speeds; see `core.by_edges` and `core.travel`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
@@ -58,13 +58,8 @@ class TravelTerms(NamedTuple):
         is_by_seconds = settings["speed_unit"] == "metres_per_second"
         costs = np.asarray(streets.weights(weight), np.float64)
         seconds = costs if weight == "travel_time" and is_by_seconds else None
-        return cls(weight, costs, seconds, seconds_of_turn(settings) or 1.0, settings["decide"] == "arrival")
-
-
-def seconds_of_turn(settings: Mapping[str, Any]) -> float | None:
-    """Return the duration of a turn of a game, in the time unit of speeds; None: speeds count edges."""
-    lasts: dict[str, float | None] = {"edges": None, "metres": 1.0, "metres_per_second": settings["turn_seconds"]}
-    return lasts[settings["speed_unit"]]
+        turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
+        return cls(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
 
 
 class Movement:
@@ -127,7 +122,7 @@ class Movement:
         self.is_paced = ~np.isnan(self.paces)
         self._terms = terms
         self._tables: dict[str | None, RouteTable] = {}
-        self._put_on_nodes((0, len(self.paces)))
+        self._put_on_nodes((0, 0))
         if self.depends_on_speeds:
             self.begin((0, len(self.paces)))
 
