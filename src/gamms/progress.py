@@ -7,8 +7,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import current_thread, main_thread
 
+# NOTE: `signal.signal` looks up the names of signals and handlers, which takes 2.5 us of 2.7; a step of a vector
+# environment with one game sets the handler twice (benchmarks: learning).
+try:
+    from _signal import getsignal as _get_handler  # type: ignore[import-not-found] # typeshed leaves it out
+    from _signal import signal as _set_handler
+except ImportError:  # only CPython has this module
+    from signal import getsignal as _get_handler
+    from signal import signal as _set_handler
+
 Show = Callable[[str], None]  # shows a text
 _CLEAR = "\r\x1b[K"
+_INTERRUPT = int(signal.SIGINT)
 
 
 @contextmanager
@@ -46,7 +56,7 @@ def uninterrupted(*, at_most_once: bool = False, on_interrupt: Callable[[], obje
         at_most_once: whether a second Ctrl-C raises immediately, because the block may take long.
         on_interrupt: called at once with the first Ctrl-C.
     """
-    before = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
+    before = _get_handler(_INTERRUPT) if current_thread() is main_thread() else None
     if before is None:  # Ctrl-C goes to the main thread, and perhaps not to Python
         yield
         return
@@ -58,13 +68,13 @@ def uninterrupted(*, at_most_once: bool = False, on_interrupt: Callable[[], obje
             on_interrupt()
         if at_most_once and len(came) > 1:
             came.clear()
-            signal.signal(signal.SIGINT, before)
-            signal.raise_signal(signal.SIGINT)
+            _set_handler(_INTERRUPT, before)
+            signal.raise_signal(_INTERRUPT)
 
-    signal.signal(signal.SIGINT, note)
+    _set_handler(_INTERRUPT, note)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        _set_handler(_INTERRUPT, before)
         if came:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(_INTERRUPT)
