@@ -33,7 +33,8 @@ cdef class Observers:
 cdef class VectorObservations:
     cdef const double[::1] places, own
     cdef bint are_on_nodes
-    cdef i64 actions, others, entries
+    cdef readonly i64 actions, entries
+    cdef i64 others
     cdef float[::1] values
     cdef u8[::1] legal
     cdef i64[::1] counts
@@ -59,17 +60,33 @@ cdef class NodeFeatures:
 cdef class LearnerTurn:
     cdef i64 games, agents
     cdef bint may_return
-    cdef const u8[::1] alive, over, late
+    cdef const u8[::1] over, late
     cdef const double[::1] earned
     cdef i64[::1] counts, moves
-    cdef u8[::1] was_over, plays, terminated, truncated
+    cdef u8[::1] alive, was_over, plays, terminated, truncated
     cdef double[::1] rewards
 
 
 @cython.locals(game=i64, row=i64)
 cpdef int begin_turn(LearnerTurn t) except -1
-@cython.locals(actions=i64, row=i64, action=i64)
+@cython.locals(game=i64)
 cpdef int write_masks(LearnerTurn t, u8[::1] legal) except -1
+@cython.locals(actions=i64, row=i64, action=i64)
+cdef int write_mask(LearnerTurn t, u8[::1] legal, i64 game) except -1 nogil
+@cython.locals(first=i64, agent=i64)
+cdef int observe_turn(
+    LearnerTurn t, Observers o, VectorObservations v, NearestAgents found, i64 game
+) except -1 nogil
+@cython.locals(number=i64)
+cpdef int observe_turns_aside(
+    LearnerTurn t,
+    Observers o,
+    VectorObservations v,
+    NearestAgents found,
+    const i64[::1] games,
+    i64 begin,
+    i64 end,
+) except -1
 @cython.locals(found=i64, game=i64, row=i64, is_over=bint, is_late=bint, plays=bint, counts=bint, is_out=bint)
 cpdef i64 end_turn(LearnerTurn t) except -1
 

@@ -145,9 +145,13 @@ class VectorObservations:
         self.actions = actions
         self.others = others
         self.entries = entries
+        self.counts = counts
+        self.take(values, legal)
+
+    def take(self, values: memoryview[float], legal: memoryview[int]) -> None:
+        """Write to these buffers from now on."""
         self.values = values
         self.legal = legal
-        self.counts = counts
 
 
 class NearestAgents:
@@ -204,7 +208,7 @@ class LearnerTurn:
     """The actions of learners before a turn, and their rewards and ends after it.
 
     Attributes:
-        games, agents: the number of games, and of learners in each.
+        games, agents: the number of games, and of learners in each; rows are ordered by game.
         may_return: whether agents that are out may come back; then they wait, and end with their games.
         counts: (rows,) the number of legal actions of each learner.
         alive: (rows,) 1: the learner is alive.
@@ -266,12 +270,46 @@ def begin_turn(t: LearnerTurn) -> int:
 
 def write_masks(t: LearnerTurn, legal: memoryview[int]) -> int:
     """Write which actions are legal, (rows * actions,); dead agents, and all in games that are over, can only stay."""
+    for game in range(t.games):
+        write_mask(t, legal, game)
+    return 0
+
+
+def write_mask(t: LearnerTurn, legal: memoryview[int], game: int) -> int:
+    """Write the legal actions of the learners of a game; see `write_masks`."""
     actions = len(legal) // max(t.games * t.agents, 1)
-    for row in range(t.games * t.agents):
-        if t.over[row // t.agents] or not t.alive[row]:
+    for row in range(game * t.agents, (game + 1) * t.agents):
+        if t.over[game] or not t.alive[row]:
             t.counts[row] = 1
         for action in range(actions):
             legal[row * actions + action] = action < t.counts[row]
+    return 0
+
+
+def observe_turn(t: LearnerTurn, o: Observers, v: VectorObservations, found: NearestAgents, game: int) -> int:
+    """Write which learners of a game are alive, their vectors, and their legal actions."""
+    first = game * o.seen.agents
+    for agent in range(t.agents):
+        t.alive[game * t.agents + agent] = o.seen.alive[first + o.seen.viewers[agent]]
+    observe(o, v, found, game)
+    if t.over[game]:
+        write_mask(t, v.legal, game)
+    return 0
+
+
+def observe_turns_aside(
+    t: LearnerTurn,
+    o: Observers,
+    v: VectorObservations,
+    found: NearestAgents,
+    games: memoryview[int],
+    begin: int,
+    end: int,
+) -> int:
+    """Call `observe_turn` for `games[begin:end]` without the GIL; `o` and `v` have the rows of the learners."""
+    with cython.nogil:
+        for number in range(begin, end):
+            observe_turn(t, o, v, found, games[number])
     return 0
 
 

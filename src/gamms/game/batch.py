@@ -263,6 +263,8 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> bool:
         """Play one turn, and log it; return whether it was played, and not interrupted and taken back."""
+        if self._engine.plays_moves(given):
+            return self._try_play(1, threads, given, is_logged=is_logged)
         before = self._engine.turns()
         is_played = False
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
@@ -421,12 +423,27 @@ class Batch(Surface, Immutable, NotPickled):
             why = "a plain function draws from the global generators of random numbers"
             self._take_leaving(dict.fromkeys(others, why), self.turn)
 
-    def _try_play(self, most: int, threads: int) -> None:
-        """Play some turns in the core, at most `most`; none if Ctrl-C was pressed in a long turn."""
+    def _try_play(
+        self,
+        most: int,
+        threads: int,
+        given: Mapping[Hashable, OutsideActions] | None = None,
+        *,
+        is_logged: bool = False,
+    ) -> bool:
+        """Play some turns in the core, at most `most`, and log them; return whether any was played.
+
+        None is played if Ctrl-C was pressed in a long turn. See `BatchEngine.play` for `given`.
+        """
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
-            played = self._engine.play(most, threads)
-            self._log += [{}] * played
-            self._steps += played
+            played = self._engine.play(most, threads, given)
+            if given is None:
+                self._log += [{}] * played
+                self._steps += played
+            else:
+                self._note(given if is_logged else {})
+            return True
+        return False
 
     def _turns_of_run(self) -> int:
         """Return how many turns the games that are played in the current run have played in it."""

@@ -665,6 +665,10 @@ class BatchEngine(TurnDriver):
             self._of_all_maps = self._state.on_map(Movement(movements[0].streets), rosters[0])
         self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
         self._now: TurnOfGames
+        # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
+        acts = self._acts or self._deed_log is not None
+        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
+        self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
@@ -738,7 +742,9 @@ class BatchEngine(TurnDriver):
     def is_over(self) -> BoolArray:
         """Whether each game has ended, (games,)."""
         over = ~self._state.is_going
-        return over if self._last is None else over | (self._state.turn >= self._last)
+        if self._last is not None:
+            over |= self._state.turn >= self._last
+        return over
 
     @property
     def playing(self) -> BoolArray:
@@ -761,10 +767,15 @@ class BatchEngine(TurnDriver):
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def play(self, most: int, threads: int) -> int:
+    def play(self, most: int, threads: int, given: Mapping[Hashable, OutsideActions] | None = None) -> int:
         """Play some turns of the games that are not over, at most `most`; return the largest number played.
 
-        Only for games without array functions. As many turns are played as take a moment, but at least one.
+        Only for games without functions. As many turns are played as take a moment, but at least one.
+
+        Args:
+            most: the largest number of turns.
+            threads: the number of threads.
+            given: team -> the moves of its agents in a single turn, see `plays_moves`; None: all decide themselves.
 
         Raises:
             TurnInterrupted: Ctrl-C was pressed in a long turn, which was not played.
@@ -773,13 +784,30 @@ class BatchEngine(TurnDriver):
             self.step({})
             return 1
         before = self._state.turn.copy()
-        last = before + min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
+        playing = self.playing
+        takes = None
+        count = min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
+        if given is not None:
+            self._begin_turn(playing, given, threads)
+            self._take_moves(playing, given, None)
+            takes = self._now.agents.takes
+            count = 1
+        last = before + count
         until = last if self._last is None else np.minimum(last, self._last)
-        with self._interruptible(is_given=False, is_single=False):
-            self._play(self.playing, until * self._num_parts, None, threads)
-        played = int((self._state.turn - before).max())
+        with self._interruptible(is_given=False, is_single=True):  # no function can raise
+            self._play(playing, until * self._num_parts, takes, threads)
+            if self._block.illegal and self._is_strict:
+                self._raise_illegal()
+        played = 1 if count == 1 else int((self._state.turn - before).max())
         self._seconds /= max(played, 1)
         return played
+
+    def plays_moves(self, given: Mapping[Hashable, OutsideActions]) -> bool:
+        """Return whether the core plays a whole turn with these actions in one call: they are moves alone.
+
+        Then nothing that the core does not do happens between the phases of the turn.
+        """
+        return self._plays_turns and all(one.are_moves for one in given.values())
 
     def step(
         self,
@@ -867,12 +895,6 @@ class BatchEngine(TurnDriver):
             parts[:-1] = [set()] * (self._num_parts - 1)
         self.plan_now = self.make_plan(None, parts, self._radio is not None)
         return self.plan_now
-
-    @property
-    def _plays_parts_at_once(self) -> bool:
-        """Whether nothing happens between the parts of a turn that the core does not do."""
-        by_metres = any(one.state.movement.by_metres for one in self._maps)
-        return not (self.plays_by_phases or self._acts or self._deed_log is not None or by_metres)
 
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Note which games play a turn, and which actions come from outside."""
@@ -1067,7 +1089,7 @@ class BatchEngine(TurnDriver):
         play()
         illegal = self._block.illegal
         if illegal and self._is_strict:
-            raise self._illegal(illegal[0], illegal[0].message.removeprefix("BadValue: "))
+            self._raise_illegal()
         failed = {(one.game, one.agent) for one in illegal}
         for log in self._logs_of_turn if failed else ():
             log.withdraw(failed)
@@ -1136,6 +1158,11 @@ class BatchEngine(TurnDriver):
         if flaws and self._is_strict:
             raise self._illegal(flaws[0], flaws[0].message)
         return flaws
+
+    def _raise_illegal(self) -> None:
+        """Raise the error for the first decision that the core could not execute."""
+        failure = self._block.illegal[0]
+        raise self._illegal(failure, failure.message.removeprefix("BadValue: "))
 
     def _illegal(self, failure: Failure, why: str) -> IllegalAction:
         """Return the error for an illegal action of an agent."""

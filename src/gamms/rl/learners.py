@@ -15,7 +15,6 @@ from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, VectorWriter, movement_in, vectors_in, writers_of
 from gamms.game.batch import Batch, MostAgents, step_with
-from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -188,11 +187,11 @@ class Learners:
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
         self._maps = self._list_maps()
-        self._found: Vectors | None = None  # all current observations, if the core writes them
-        self._begin_writing()
         game = self.games.game
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         self._turn = TurnArrays(self._shape, may_return=self.may_return)
+        self._found: tuple[Float32Array, BoolArray] | None = None  # observations and masks, if the core writes them
+        self._begin_writing()
         self._remember()
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
@@ -246,7 +245,8 @@ class Learners:
     def observe(self, which: IntArray | None = None) -> Any:
         """Return the observations of all agents, (games, agents, …), in the games `which`; None: all."""
         if self._found is not None:
-            return self._found.values if which is None else self._found.values[which]
+            values = self._found[0]
+            return values if which is None else values[which]
         if which is None:
             return joined([self._observed_by(views) for views in self._now])
         are_alike = all(type(view) is ArrayView for view in chain.from_iterable(self._now))  # with the same roads
@@ -377,8 +377,8 @@ class Learners:
         self.has_begun = True
         self._prefix.begin(which)
         self._maps = self._list_maps()
-        if self._writers is not None:
-            self._writers.move(self.games.maps)
+        if self._writer is not None:
+            self._writer.move(self.games.maps)
         self._remember(which)
 
     def carried(self) -> GamesCheckpoint:
@@ -450,13 +450,13 @@ class Learners:
 
     def _begin_writing(self) -> None:
         """Choose whether the core writes the observations."""
-        self._writers: VectorWriter | None = None
+        self._writer: VectorWriter | None = None
         self._roster = self.games.roster
         if self.observation is default_observation and self.games.is_in_arrays:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
             others = min(_num_public(views[0]) - 1, _MOST_OTHERS)
             members = np.concatenate([view.agents for view in self._views(0)])
-            self._writers = writers_of(views, self.games.maps, members, others, 1, self._threads)
+            self._writer = writers_of(views, self.games.maps, members, self._turn, others, self._threads)
 
     def _list_maps(self) -> list[int]:
         """Return the numbers of the maps that have games."""
@@ -486,14 +486,10 @@ class Learners:
         turn.over[:] = self.is_over
         has_ended = bool(np.count_nonzero(self.is_over))
         turn.late[:] = self.games.truncated if has_ended else False
-        if self._writers is not None and self.games.is_in_arrays and self._writers.hold():
-            self._found = self._writers.written(self._found, None if self._found is None else which)
-            self.alive: BoolArray = self._found.mask
-            self.masks: BoolArray = self._found.legal
-            turn.alive[:] = self.alive
-            turn.counts[:] = self._found.counts
-            if has_ended:
-                turn.write_masks(self.masks)
+        if self._writer is not None and self.games.is_in_arrays and self._writer.hold():
+            self._found = self._writer.write(self._found, None if self._found is None else which)
+            self.alive: BoolArray = turn.alive.copy()
+            self.masks: BoolArray = self._found[1]
             return
         self._found = None
         self.alive = joined([_in_order([view.mask for view in views], views) for views in self._now])

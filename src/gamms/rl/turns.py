@@ -111,6 +111,7 @@ class TurnArrays:
 
     Attributes:
         counts, alive, over, late, earned, moves: see `core.observe.LearnerTurn`; (games, agents), or (games,).
+        core: these arrays in the form of the core.
     """
 
     def __init__(self, shape: tuple[int, int], *, may_return: bool) -> None:
@@ -119,7 +120,7 @@ class TurnArrays:
         self.alive, self._plays, self._terminated, self._truncated = np.zeros((4, *shape), np.bool_)
         self.over, self.late, was_over = np.zeros((3, shape[0]), np.bool_)
 
-        self._turn = observe.LearnerTurn(
+        self.core = observe.LearnerTurn(
             *shape,
             data(self.counts),
             data(self.alive),
@@ -137,15 +138,15 @@ class TurnArrays:
 
     def begin(self) -> None:
         """Note which agents take part in a turn, and replace illegal moves by 0."""
-        observe.begin_turn(self._turn)
+        observe.begin_turn(self.core)
 
     def write_masks(self, legal: BoolArray) -> None:
         """Write which actions are legal, (games, agents, actions), by `counts`; see `core.observe.write_masks`."""
-        observe.write_masks(self._turn, data(legal))
+        observe.write_masks(self.core, data(legal))
 
     def end(self) -> TurnOutcome:
         """Return the outcome of the turn, in new arrays."""
-        ended = observe.end_turn(self._turn)
+        ended = observe.end_turn(self.core)
         ends = self._terminated.copy(), self._truncated.copy()
         return TurnOutcome(self._rewards.copy(), *ends, self._plays.copy(), ended)
 

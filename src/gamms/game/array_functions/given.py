@@ -40,6 +40,11 @@ class OutsideActions(NamedTuple):
     are_legal: bool = False
     name: str | None = None
 
+    @property
+    def are_moves(self) -> bool:
+        """Whether the actions are moves alone."""
+        return self.flights is None and not (self.deeds or self.messages)
+
     def agents(self, roster: AgentTable, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team that the actions are for."""
         return roster.members(team) if self.name is None else np.array([roster.names.index(self.name)])

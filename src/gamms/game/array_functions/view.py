@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from gamms.core import observe, sight
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
 from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
-from gamms.game.block.columns import kept_in
+from gamms.game.block.columns import in_threads, kept_in
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
@@ -24,7 +24,7 @@ from gamms.game.block.sensing import (
 )
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.block.strategy_steps import looks_of, make_looks
-from gamms.game.block.vectors import Encoder, Vectors, legal_of, write_vectors
+from gamms.game.block.vectors import Encoder, Vectors, Vectors32, legal_of, write_vectors
 from gamms.game.conflicts import flat
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
@@ -641,31 +641,38 @@ _OTHERWISE = {  # keys of `state` without array form -> the replacement
 }
 
 
+class TurnColumns(Protocol):
+    """The columns of learners that a writer fills, (games, learners), and their form in the core."""
+
+    core: observe.LearnerTurn
+    alive: BoolArray
+    counts: IntArray
+
+
 class VectorWriter(NamedTuple):
-    """Writes the observation vectors of agents in all games.
+    """Writes the observation vectors and legal actions of learners in all games, and who of them is alive.
 
     Attributes:
-        alive: (games, all agents) whether each agent of the roster is alive.
-        agents: (agents,) the numbers of the observing agents in the roster, in the order of the vectors.
-        mask: (games, agents) whether each observing agent is alive.
-        encoder: the encoder of the vectors.
-        observers, rooms: see `write_vectors`.
+        turn: the turns of the learners.
+        shape: the numbers of games and learners.
+        games: the numbers of all games.
+        observers: the learners in the form of the core.
+        output: the form of their vectors.
+        rooms: scratch buffers; for each, a thread writes a part of the games.
         first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
         first_node: (games,) the index of the first node of each game's map.
         roads: the open roads of the games on each map.
-        more: the number of additional entries; see `Encoder.made`.
     """
 
-    alive: BoolArray
-    agents: IntArray
-    mask: BoolArray
-    encoder: Encoder
+    turn: observe.LearnerTurn
+    shape: tuple[int, ...]
+    games: Any  # memoryviews are not subscriptable
     observers: observe.Observers
+    output: observe.VectorObservations
     rooms: list[observe.NearestAgents]
     first: IntArray
     first_node: IntArray
     roads: list[OpenRoads]
-    more: int
 
     def hold(self) -> bool:
         """Return whether the writer is still valid: in no game are roads open that differ from the start."""
@@ -675,36 +682,42 @@ class VectorWriter(NamedTuple):
         """Set the map of each game by its number, (games,)."""
         self.first_node[:] = self.first[maps]
 
-    def written(self, known: Vectors | None = None, which: IntArray | None = None) -> Vectors:
-        """Return the vectors of all games in new arrays.
+    def write(
+        self, known: tuple[Vectors32, BoolArray] | None = None, which: IntArray | None = None
+    ) -> tuple[Vectors32, BoolArray]:
+        """Write the state of the learners, and return their vectors and legal actions in new arrays.
 
         Args:
-            known: the vectors before some games were reset; they are copied for the other games.
+            known: the vectors and legal actions before some games were reset; they are copied for the other games.
             which: the numbers of the games to write; None: all games.
         """
-        mask = self.alive.take(self.agents, axis=1)
-        self.mask[:] = mask
-        found = self.encoder.made(mask, self.more)
+        output = self.output
+        values = np.empty((*self.shape, output.entries), np.float32)
+        legal = np.empty((*self.shape, output.actions), np.bool_)
         if known is not None and which is not None:
-            found.values[:] = known.values
-            found.legal[:] = known.legal
-            found.counts[:] = known.counts
-        places = np.arange(len(mask)) if which is None else which
-        write_vectors(self.observers, self.encoder.output(found), places, self.rooms)
-        return found
+            values[:], legal[:] = known
+        games = self.games if which is None else flat(which, np.int64)
+        buffers: Any = values.reshape(-1).data, legal.view(np.uint8).reshape(-1).data
+        output.take(*buffers)
+
+        def write_part(thread: int, begin: int, end: int) -> None:
+            observe.observe_turns_aside(self.turn, self.observers, output, self.rooms[thread], games, begin, end)
+
+        in_threads(write_part, len(games), len(self.rooms))
+        return values, legal
 
 
 def writers_of(
-    views: Sequence[ArrayView], maps: IntArray, agents: IntArray, others: int, more: int, threads: int
+    views: Sequence[ArrayView], maps: IntArray, agents: IntArray, turn: TurnColumns, others: int, threads: int
 ) -> VectorWriter | None:
-    """Return a writer of the observation vectors of agents.
+    """Return a writer of the observation vectors of learners, whose last entry is n / (n + 100) after n turns.
 
     Args:
         views: a view of the games on each map; a view may contain no games.
         maps: (games,) the number of the map of each game.
-        agents: the numbers of the observing agents in the roster, in any order.
+        agents: the numbers of the learners in the roster, in any order.
+        turn: the columns of their turns.
         others: the number of other agents in a vector.
-        more: the number of additional entries; see `Encoder.made`.
         threads: the number of threads that write.
 
     Returns:
@@ -721,15 +734,16 @@ def writers_of(
     xy = [one.columns.xy for one in streets]
     first = np.cumsum([0, *(one.num_nodes for one in streets)])
     first_node = first[maps]
-    mask = np.zeros((len(maps), len(agents)), np.bool_)
     sensors = sight.SensorTable(*looks[0], len(own.roster.teams))
     seen = sensors, flat(np.concatenate(xy), np.float64), *_NO_PAIRS
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
     legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
     numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
-    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), seen, first_node)
+    observers = own._made_observers(turn.alive, numbers, (_NO_CHOICES, *legal), seen, first_node)
     encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
+    vectors = encoder.made(turn.alive, 1)._replace(counts=turn.counts)
+    output = encoder.output(vectors)
     roads = [view._state.roads for view in views]
     rooms = encoder.rooms(threads)
-    return VectorWriter(own._state.alive, agents, mask, encoder, observers, rooms, first, first_node, roads, more)
+    return VectorWriter(turn.core, turn.alive.shape, numbers[0], observers, output, rooms, first, first_node, roads)

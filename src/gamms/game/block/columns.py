@@ -468,6 +468,9 @@ def in_threads(play: Callable[[int, int, int], object], games: int, threads: int
         threads: the number of threads; the calling thread plays the last part, unless it waits.
         waits: whether the calling thread only waits, so that it notices Ctrl-C.
     """
+    if threads == 1 and not waits:
+        play(0, 0, games)
+        return
     bounds = [games * part // threads for part in range(threads + 1)]
     errors: dict[int, BaseException] = {}
 
