@@ -80,7 +80,7 @@ def test_agents_in_the_air_and_on_the_ground_have_spaces_of_their_own():
         == {"blue_0", "red_car_0"}
         == set(env.action_masks())
     )
-    assert {one["observation"].shape for one in observed.values()} == {(2 + 15 + 12 + 2,)}
+    assert {one["observation"].shape for one in observed.values()} == {(2 + 15 + 15 + 2,)}
     with pytest.raises(BadValue, match="'red_drone_0' flies and 'red_car_0' does not, and vector_env has one action"):
         rl.vector_env(scene(cars=1), num_games=2, team="red")
     games = rl.vector_env(scene(), num_games=2, team="red")

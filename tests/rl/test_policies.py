@@ -68,11 +68,11 @@ class Sequential(list):
         super().__init__(layers)
 
 
-def network(entries=30, actions=5, width=16):
+def network(entries=33, actions=5, width=16):
     return Sequential(Linear(entries, width), Sequential(Tanh(), Linear(width, actions, 2)))
 
 
-ENTRIES = 2 + 3 * 5 + 4 * 3 + 1  # of the default observation: 5 actions, 3 others
+ENTRIES = 2 + 3 * 5 + 5 * 3 + 1  # of the default observation: 5 actions, 3 others
 
 
 @pytest.fixture
@@ -144,10 +144,30 @@ def test_a_policy_is_bound_to_its_spaces_and_its_map_alone(saved):
 def test_another_scenario_can_be_allowed_if_its_spaces_are_the_same(saved):
     red = rl.policy(saved, other_scenario=True)
     assert scene(width=6).play(seed=1, strategies={"red": red}).turns == 15
-    with pytest.raises(BadValue, match=r"observations of the shape \(30,\).*here are 5, of the shape \(34,\)"):
+    with pytest.raises(BadValue, match=r"observations of the shape \(33,\).*here are 5, of the shape \(38,\)"):
         scene(red=3).play(seed=1, strategies={"red": red})
     with pytest.raises(BadValue, match="other_scenario=True"), gamms.create_context() as ctx:
         rl.policy(saved)(ctx)
+
+
+def test_a_file_of_a_version_without_distances_by_road_plays_on(tmp_path, saved):
+    file = tmp_path / "old.safetensors"
+    rl.save_policy(network(30), file, scene(), team="red", observation=rl.straight_observation)
+    spaces = [
+        json.loads(safe_open(one, framework="numpy").metadata()["gamms"])["spaces"]  # as these versions wrote them
+        for one in (file, saved)
+    ]
+    assert [(one["function"], one["observation"]) for one in spaces] == [
+        ("default", [30]),
+        ("default with roads", [33]),
+    ]
+    red = rl.policy(file)
+    with scene().batch(4, strategies={"red": red}) as games:
+        games.run()
+        assert [games.result(game) for game in range(4)] == [
+            scene().play(seed=game, strategies={"red": rl.policy(file, observation=rl.straight_observation)})
+            for game in range(4)
+        ]
 
 
 def together(view):
@@ -213,7 +233,7 @@ def test_what_cannot_be_saved_is_refused_by_name(tmp_path):
     with pytest.raises(BadType, match=r"saved as nn.Sequential of Linear.*torch.onnx.export"):
         rl.save_policy(Sequential(Softsign()), file, scene(), team="red")
     with pytest.raises(
-        BadValue, match=r"Layer 0 of the network gets 30 numbers, and has weights of the shape \(16, 7\)"
+        BadValue, match=r"Layer 0 of the network gets 33 numbers, and has weights of the shape \(16, 7\)"
     ):
         rl.save_policy(network(7), file, scene(), team="red")
     with pytest.raises(BadValue, match="The network gives 4 numbers, and 5 are needed"):

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport sight, strategies
+from gamms.core cimport routes, sight, strategies
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -23,7 +23,7 @@ cdef class VisibleAgents:
 cdef class Observers:
     cdef i64 agents
     cdef bint are_by_node
-    cdef const i64[::1] games, rows, choice, first_node, turn
+    cdef const i64[::1] games, rows, choice, first_node, first_road, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
     cdef VisibleAgents seen
@@ -46,6 +46,8 @@ cdef class NearestAgents:
     cdef i64[::1] nodes, nearest
     cdef u8[::1] mates
     cdef double[::1] far
+    cdef routes.NearbyDistances ways
+    cdef public bint searches, lacks
 
 
 @cython.final
@@ -122,6 +124,10 @@ cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game
     dx=double, dy=double
 )
 cpdef int look(Observers o, NearestAgents found, i64 game, i64 agent) except -1 nogil
+@cython.locals(far=double)
+cdef double find_road(
+    NearestAgents found, routes.NearbyDistances ways, i64 base, i64 node, i64 target
+) except? -2.0 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
 cdef i64 _choose_nearest(VectorObservations v, NearestAgents found, double own_x, double own_y) except -1 nogil
 @cython.locals(size=i64, i=i64, row=i64, node=i64, entry=i64, other=i64, at=i64)

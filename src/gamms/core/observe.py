@@ -3,13 +3,14 @@
 Observations are vectors, or features of nodes.
 
 A vector has the agent's position; for each of `actions` actions, whether it is legal, and the offset to its node; and
-for each of the nearest `others` visible agents, a 1, whether it is a teammate, and its offset. Features of a node
-include the action that leads there, and the numbers of visible agents on it. Lengths are shares of the map size.
+for each of the nearest `others` visible agents, a 1, whether it is a teammate, its offset, and its distance by road.
+Features of a node include the action that leads there, and the numbers of visible agents on it. Lengths are shares of
+the map size.
 """
 
 from __future__ import annotations
 
-from gamms.core import sight, strategies
+from gamms.core import routes, sight, strategies
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -21,7 +22,7 @@ except ImportError:  # Cython is not needed to run the text
 
 OWN = 2  # numbers for the agent's position,
 OF_ACTION = 3  # for an action,
-OF_OTHER = 4  # and for another agent
+OF_OTHER = 5  # and for another agent
 AROUND = 7  # features of a node around an agent,
 ON_MAP = 6  # and of a node of the whole map
 
@@ -82,6 +83,7 @@ class Observers:
             if the array is empty, the choice is the node of the agent.
         first_node: (all games,) the first node of the map of each game, among the nodes of several maps; `choice` and
             the positions of nodes are numbered by these.
+        first_road: (all games,) the place of the first node of the roads of each game, see `routes.NearbyDistances`.
         turn: (all games,) the number of turns played.
         seen: the visible agents.
     """
@@ -97,6 +99,7 @@ class Observers:
         targets: memoryview[int],
         *,
         first_node: memoryview[int],
+        first_road: memoryview[int],
         turn: memoryview[int],
         seen: VisibleAgents,
     ) -> None:
@@ -109,6 +112,7 @@ class Observers:
         self.offsets = offsets
         self.targets = targets
         self.first_node = first_node
+        self.first_road = first_road
         self.turn = turn
         self.seen = seen
 
@@ -163,16 +167,27 @@ class NearestAgents:
         mates: (all agents,) 1: it is a teammate.
         far: (others + 1,) the squared distances of the nearest agents.
         nearest: (others + 1,) their indices in `nodes`.
+        ways: distances by road, shares of the map size, which all threads read; None: they are not asked for.
+        searches: whether to search distances that `ways` lacks, which only one thread at a time may do;
+        lacks: otherwise, whether some were lacking.
     """
 
     def __init__(
-        self, nodes: memoryview[int], mates: memoryview[int], far: memoryview[float], nearest: memoryview[int]
+        self,
+        nodes: memoryview[int],
+        mates: memoryview[int],
+        far: memoryview[float],
+        nearest: memoryview[int],
+        ways: routes.NearbyDistances | None,
     ) -> None:
         self.count = 0
         self.nodes = nodes
         self.mates = mates
         self.far = far
         self.nearest = nearest
+        self.ways = ways
+        self.searches = True
+        self.lacks = False
 
 
 class NodeFeatures:
@@ -479,6 +494,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
         v.values[at + 1] = found.mates[other]
         v.values[at + 2] = v.places[2 * node] - own_x
         v.values[at + 3] = v.places[2 * node + 1] - own_y
+        v.values[at + 4] = find_road(found, found.ways, o.first_road[o.games[game]], here, node)  # type: ignore[arg-type]
         at += OF_OTHER
     is_timed = last > row * v.entries + OWN + v.actions * OF_ACTION + v.others * OF_OTHER
     for entry in range(at, last):
@@ -516,6 +532,18 @@ def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
             found.mates[found.count] = strategies.are_mates(own, o.seen.team[other], o.seen.nobody)
             found.count += 1
     return 0
+
+
+def find_road(found: NearestAgents, ways: routes.NearbyDistances, base: int, node: int, target: int) -> float:
+    """Return the distance by road from a node to a target; 0 if it is lacking and not to be searched."""
+    far = ways.look_up(base + target, node)
+    if far >= 0.0:
+        return far
+    if not found.searches:
+        found.lacks = True
+        return 0.0
+    ways.search(base, target, node)
+    return ways.look_up(base + target, node)
 
 
 def _choose_nearest(v: VectorObservations, found: NearestAgents, own_x: float, own_y: float) -> int:

@@ -89,3 +89,42 @@ cdef i64 node_towards(
 cpdef i64 count_steps(const i64[::1] path, i64 length, const i64[::1] legal, i64 first, i64 count) except -1 nogil
 @cython.locals(number=i64)
 cdef i64 number_of(const i64[::1] legal, i64 first, i64 count, i64 node) except? -2 nogil
+
+
+@cython.final
+cdef class NodesByX:
+    cdef const i64[::1] order
+    cdef const double[::1] xy
+    cdef i64[::1] found
+
+    @cython.locals(here=i64, count=i64, side=i64, other=i64, node=i64, dx=double, dy=double)
+    cdef Py_ssize_t find(self, i64 rank, i64 begin, i64 end, double square) except -1 nogil
+
+
+@cython.final
+cdef class NearbyDistances:
+    cdef Arcs arcs
+    cdef Paths paths
+    cdef i64[::1] root, goal, first, counts
+    cdef int[::1] nodes
+    cdef float[::1] far
+    cdef double[::1] radius
+    cdef i64 used
+    cdef double farthest
+
+    @cython.locals(places=i64)
+    cpdef take(self, const i64[::1] ids, const i64[::1] offsets, const i64[::1] tails, const double[::1] costs)
+    @cython.locals(low=i64, end=i64, high=i64, middle=i64)
+    cdef double look_up(self, i64 place, i64 node) except? -2.0 nogil
+    @cython.locals(least=double, radius=double)
+    cdef int search(self, i64 base, i64 target, i64 node) except -1 nogil
+    @cython.locals(other=i64, count=i64, number=i64, at=i64)
+    cdef int keep(self, i64 place, i64 node, double radius) except -1 nogil
+    @cython.locals(room=i64, rank=i64)
+    cpdef int find_all(self, NodesByX near, i64 begin, i64 end, double square) except -1
+    @cython.locals(number=i64)
+    cdef int find_around(self, NodesByX near, i64 target, i64 count) except -1 nogil
+
+
+@cython.locals(gap=i64, place=i64, number=int, before=i64)
+cdef int sort_part(int[::1] numbers, i64 first, i64 count) except -1 nogil

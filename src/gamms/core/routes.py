@@ -11,6 +11,14 @@ from array import array
 
 from gamms.core import travel
 
+try:
+    import cython  # type: ignore[import-untyped]
+except ImportError:  # Cython is not needed to run the text
+    from contextlib import nullcontext
+    from types import SimpleNamespace
+
+    cython = SimpleNamespace(nogil=nullcontext())
+
 INFINITE = float("inf")
 NOT_KNOWN = -1.0  # a distance not computed yet
 SLACK = 1e-9  # relative; rounding adds less to a path of a million arcs
@@ -401,3 +409,203 @@ def number_of(legal: memoryview[int], first: int, count: int, node: int) -> int:
         if legal[first + number] == node:
             return number
     return -1
+
+
+# -- distances to nodes nearby -----------------------------------------------------------------------------------------
+
+
+class NodesByX:
+    """The nodes of maps by ascending x, so that those near a node are found on both sides of it.
+
+    Attributes:
+        order: (nodes,) rows of nodes, by ascending x on each map; the maps follow each other.
+        xy: (2 * nodes,) x and y of each node, map units.
+        found: (nodes,) the rows that were found last.
+    """
+
+    def __init__(self, order: memoryview[int], xy: memoryview[float], found: memoryview[int]) -> None:
+        self.order = order
+        self.xy = xy
+        self.found = found
+
+    def find(self, rank: int, begin: int, end: int, square: float) -> int:
+        """Write the nodes around the node of a rank, itself included, to `found`; return their number."""
+        here = self.order[rank]
+        self.found[0] = here
+        count = 1
+        for side in range(-1, 2, 2):
+            other = rank + side
+            while begin <= other < end:
+                node = self.order[other]
+                dx = self.xy[2 * node] - self.xy[2 * here]
+                dy = self.xy[2 * node + 1] - self.xy[2 * here + 1]
+                if dx * dx > square:
+                    break
+                if dx * dx + dy * dy <= square:
+                    self.found[count] = node
+                    count += 1
+                other += side
+        return count
+
+
+class NearbyDistances:
+    """Distances by road to target nodes, from the nodes around each of them; searched once, then looked up.
+
+    Attributes:
+        arcs: the reversed edges of all maps, one after the other; a place is the number of a node among their nodes.
+        paths: working memory.
+        first, counts: (places,) the entries of the target at each place are `counts[place]` from `first[place]` on.
+        radius: (places,) the distance below which all nodes have an entry.
+        nodes: (room,) rows of nodes, ascending for each target.
+        far: (room,) their distances.
+        used: the number of entries in use; when there is no room for more, all are searched again on demand.
+        farthest: the distance that stands for all that are longer, and for nodes without a path.
+    """
+
+    def __init__(
+        self,
+        ids: memoryview[int],
+        offsets: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+        paths: Paths,
+        nodes: memoryview[int],
+        far: memoryview[float],
+        farthest: float,
+    ) -> None:
+        self.paths = paths
+        self.root = memoryview(array("q", [0]))
+        self.goal = memoryview(array("q", [0]))
+        self.nodes = nodes
+        self.far = far
+        self.farthest = farthest
+        self.take(ids, offsets, tails, costs)
+
+    def take(
+        self,
+        ids: memoryview[int],
+        offsets: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+    ) -> None:
+        """Switch to other maps; their distances are searched on demand. See `PathTables.take`."""
+        places = len(offsets) - 1
+        self.arcs = Arcs(offsets, tails, costs, ids)
+        self.first = memoryview(array("q", bytes(8 * places)))
+        self.counts = memoryview(array("q", bytes(8 * places)))
+        self.radius: memoryview[float] = memoryview(array("d", bytes(8 * places)))
+        self.used = 0
+
+    def look_up(self, place: int, node: int) -> float:
+        """Return the distance from a node to the target at a place; `NOT_KNOWN`: it was not searched."""
+        low = self.first[place]
+        if self.counts[place] == len(self.arcs.ids):
+            return self.far[low + node]
+        end = low + self.counts[place]
+        high = end
+        while low < high:
+            middle = (low + high) // 2
+            if self.nodes[middle] < node:
+                low = middle + 1
+            else:
+                high = middle
+        if low < end and self.nodes[low] == node:
+            return self.far[low]
+        return self.farthest if self.radius[place] >= self.farthest else NOT_KNOWN
+
+    def search(self, base: int, target: int, node: int) -> int:
+        """Search the distances to a target from all nodes up to the distance of a node.
+
+        Each search of a target goes at least twice as far as the one before, so that there are few of them.
+
+        Args:
+            base: the place of the first node of the map.
+            target: the row of the target.
+            node: the row of the node.
+        """
+        least = 2.0 * self.radius[base + target]
+        self.arcs.first = base
+        self.root[0] = target
+        self.goal[0] = node
+        find(self.arcs, self.paths, self.root, self.goal, len(self.arcs.ids), self.farthest, least, False)
+        radius = self.farthest
+        if self.paths.reach.size > 0:
+            radius = self.paths.reach.when[self.paths.reach.heap[0]]
+        return self.keep(base + target, node, radius)
+
+    def keep(self, place: int, node: int, radius: float) -> int:
+        """Replace the entries of the target at a place by those of the last search."""
+        if self.used + self.paths.count > len(self.nodes):
+            self.used = 0
+            for other in range(len(self.counts)):
+                self.counts[other] = 0
+                self.radius[other] = 0.0
+        count = 0
+        for number in range(self.paths.count):
+            at = self.paths.reach.seen[number]
+            if at == node or self.paths.reach.when[at] < radius or radius >= self.farthest:
+                self.nodes[self.used + count] = at
+                count += 1
+        sort_part(self.nodes, self.used, count)
+        for number in range(self.used, self.used + count):
+            self.far[number] = self.paths.reach.when[self.nodes[number]]
+        self.first[place] = self.used
+        self.counts[place] = count
+        self.radius[place] = radius
+        self.used += count
+        return 0
+
+    def find_all(self, near: NodesByX, begin: int, end: int, square: float) -> int:
+        """Search the distances to some nodes of the first map, from all nodes around them, without the GIL.
+
+        If there is no room for them, they are left to `search`.
+
+        Args:
+            near: finds the nodes around a node.
+            begin: the first row of the nodes; all are on one map.
+            end: the row behind the last one.
+            square: the squared radius around a node, map units.
+        """
+        with cython.nogil:
+            room = len(self.nodes) - self.used
+            for rank in range(begin, end):
+                room -= near.find(rank, begin, end, square)
+                if room < 0:
+                    return 0
+            for rank in range(begin, end):
+                self.find_around(near, near.order[rank], near.find(rank, begin, end, square))
+        return 0
+
+    def find_around(self, near: NodesByX, target: int, count: int) -> int:
+        """Search the distances to a target from the first `count` of `near.found`."""
+        self.arcs.first = 0
+        self.root[0] = target
+        for number in range(count):
+            self.nodes[self.used + number] = near.found[number]
+            self.paths.reach.when[near.found[number]] = self.farthest  # unless there is a path
+        find(self.arcs, self.paths, self.root, near.found[:count], len(self.arcs.ids), self.farthest, -1.0, False)
+        sort_part(self.nodes, self.used, count)
+        for number in range(self.used, self.used + count):
+            self.far[number] = self.paths.reach.when[self.nodes[number]]
+        self.first[target] = self.used
+        self.counts[target] = count
+        self.radius[target] = 0.0
+        self.used += count
+        return 0
+
+
+def sort_part(numbers: memoryview[int], first: int, count: int) -> int:
+    """Sort `count` numbers from index `first` on, by insertion over gaps that shrink."""
+    gap = 1
+    while 3 * gap < count:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for place in range(first + gap, first + count):
+            number = numbers[place]
+            before = place - gap
+            while before >= first and numbers[before] > number:
+                numbers[before + gap] = numbers[before]
+                before -= gap
+            numbers[before + gap] = number
+        gap //= 3
+    return 0

@@ -16,7 +16,7 @@ from importlib.util import find_spec
 
 from gamms.errors import suggest_names as _suggest_names
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
-from gamms.rl.learners import Learners, Observation, Reward, default_observation
+from gamms.rl.learners import Learners, Observation, Reward, default_observation, straight_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import policy, save_policy
@@ -35,6 +35,7 @@ __all__ = [
     "save_policy",
     "sb3_env",
     "single_agent_env",
+    "straight_observation",
     "torchrl_env",
     "vector_env",
 ]

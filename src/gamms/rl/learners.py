@@ -15,6 +15,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, VectorWriter, movement_in, vectors_in, writers_of
 from gamms.game.batch import Batch, MostAgents, step_with
+from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -620,12 +621,31 @@ def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
         view: the view of the agents.
         threads: the number of threads; the result does not depend on it.
     """
+    return _default_vectors(view, threads).values
+
+
+def straight_observation(view: ArrayView) -> Float32Array:
+    """Return the default observation without its distances by road, as environments of earlier versions gave it.
+
+    Policies that were saved with those environments play by it.
+
+    Args:
+        view: the view of the agents.
+    """
+    found = _default_vectors(view, 1)
+    roads = [number for number, name in enumerate(found.names) if name.endswith(".road")]
+    return np.delete(found.values, roads, axis=2)
+
+
+def _default_vectors(view: ArrayView, threads: int) -> Vectors:
+    """Return the vectors of `default_observation`, with the names of the first entries."""
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
-    values = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z, threads).values
+    found = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z, threads)
     if has_z:
-        values[..., -2] = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)
-        values.clip(-2.0, 2.0, out=values)
-    return values
+        z = view["z"] * (2.0 / _longer_side(view.streets.columns.xy))
+        found.values[..., -2] = np.where(view.mask, z, 0.0)
+        found.values.clip(-2.0, 2.0, out=found.values)
+    return found
 
 
 def _longer_side(xy: FloatArray) -> float:
@@ -633,8 +653,9 @@ def _longer_side(xy: FloatArray) -> float:
     return float((xy.max(axis=0) - xy.min(axis=0)).max()) or 2.0
 
 
-default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have
-default_observation.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
+for _function in (default_observation, straight_observation):  # attributes that other observations may have
+    _function.bounds = (-2.0, 2.0)  # type: ignore[attr-defined]
+    _function.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
 
 
 def _brings_back(rule: object) -> bool:

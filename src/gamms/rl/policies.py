@@ -20,7 +20,14 @@ from gamms.limits import refuse_above
 from gamms.plugins import needing
 from gamms.rl.deeds import choices_of
 from gamms.rl.heads import AXES, refuse_mixed
-from gamms.rl.learners import Float32Array, Learners, Observation, default_observation, within_reach
+from gamms.rl.learners import (
+    Float32Array,
+    Learners,
+    Observation,
+    default_observation,
+    straight_observation,
+    within_reach,
+)
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
@@ -32,7 +39,8 @@ from gamms.typing.context import HostContext
 Maker = Callable[[IContext], Callable[[Any], None]]
 
 _KEY = "gamms"  # key in the metadata of a file
-_DEFAULT = "default"  # the name of `default_observation`
+_WITHOUT_ROADS = "default"  # the name of `straight_observation`, which was the default when files were first written
+_NAMED: Mapping[str, Observation] = {_WITHOUT_ROADS: straight_observation, "default with roads": default_observation}
 _MOST_METADATA = 1 << 18  # bytes
 _TIMES_SIZE = 8  # of a file: memory for its weights in 64 bits, and for reading them
 _PICKLES = (".zip", ".pt", ".pth", ".pkl")
@@ -48,14 +56,15 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         observation: the shape of one agent's observation.
         actions: the number of actions.
-        function: the observation function: its module and name, or "default".
+        function: the observation function: its module and name; or "default with roads", or "default", which is the
+            default observation without distances by road.
         deeds: the number of deed choices; 0: no deeds are declared.
         flies: whether it is for flying agents, whose actions are three numbers: see `heads`.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
     actions: Count
-    function: _Text = _DEFAULT
+    function: _Text = _WITHOUT_ROADS
     deeds: Annotated[int, msgspec.Meta(ge=0, le=1 << 16)] = 0
     flies: bool = False
 
@@ -165,7 +174,8 @@ def policy(
     Args:
         path: a file written by `save_policy`; or, with `trusted`, a model of Stable-Baselines3 (`.zip`) or of PyTorch
             (`.pt`, `.pth`).
-        observation: the observation function of the training; None: the default.
+        observation: the observation function of the training; None: the default of the version that wrote the file.
+            Pickles do not name it: give `straight_observation` for those of versions without distances by road.
         sample: draw actions by their probabilities, repeatably by the seed; else take the best action.
         trusted: you trust the file to run any code. Pickles need it, because reading one runs code in it.
         other_scenario: allow maps other than that of the training, if the spaces are the same.
@@ -227,9 +237,9 @@ def _maker(player: _PolicyOptions) -> Maker:
     """Return the factory of a policy's strategies, one for all agents, so that a batch evaluates them together."""
     loaded, given, sample, _ = player
     described = loaded.described
-    observe = given or default_observation
-    needs = None if described is None else described.spaces.function
-    if needs not in (None, _DEFAULT) and given is None:
+    needs = "" if described is None else described.spaces.function
+    observe = given or _NAMED.get(needs, default_observation)
+    if described is not None and needs not in _NAMED and given is None:
         raise BadValue(
             f"{loaded.file} was trained with the observation {needs}: give that to rl.policy(path, observation=…)."
         )
@@ -459,7 +469,7 @@ def _describe(learners: Learners) -> PolicyDescription:
     shape = list(np.asarray(learners.observe()).shape[2:])
     function = learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
-    named = _DEFAULT if function is default_observation else name[:500]
+    named = next((known for known, one in _NAMED.items() if one is function), name[:500])
     flies = learners.all_fly
     actions = AXES if flies else learners.num_actions
     deeds = 0 if learners.deeds is None else len(learners.deeds)

@@ -11,7 +11,7 @@ from gamms.core import observe, sight
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
 from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
-from gamms.game.block.columns import in_threads, kept_in
+from gamms.game.block.columns import kept_in
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
@@ -24,7 +24,17 @@ from gamms.game.block.sensing import (
 )
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.block.strategy_steps import looks_of, make_looks
-from gamms.game.block.vectors import Encoder, Vectors, Vectors32, legal_of, write_vectors
+from gamms.game.block.vectors import (
+    Encoder,
+    RoadDistances,
+    Vectors,
+    Vectors32,
+    find_distances,
+    legal_of,
+    make_distances,
+    write_in_threads,
+    write_vectors,
+)
 from gamms.game.conflicts import flat
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
@@ -43,6 +53,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
 _NO_CHOICES = flat(np.zeros(0), np.int64)
+_TURNS_AHEAD = 100  # if learners could be on all nodes within as many turns, all distances by road are searched before
 _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
 
 
@@ -361,8 +372,9 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         """Return observations as vectors of equal length, (games, agents, entries).
 
         The entries are `x` and `y`, the agent's position; for each action `is_legal`, `dx` and `dy`; for each of the
-        nearest `others` visible agents `is_seen`, `is_mate`, `dx` and `dy`. Offsets are straight-line; the unit is half
-        of the longer side of the map, and the origin is its center.
+        nearest `others` visible agents `is_seen`, `is_mate`, `dx`, `dy` and `road`. Offsets are straight-line, and
+        `road` is the length of the shortest path from the agent's node to the other's: at most 2, and 2 without a path.
+        The unit is half of the longer side of the map, and the origin is its center.
 
         Raises:
             BadValue: an agent has more than 4096 legal nodes.
@@ -377,8 +389,14 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         xy = self._places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
         observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        write_vectors(observers, encoder.output(found, xy), places, encoder.rooms(threads))
+        rooms = encoder.rooms(self._road_distances().take_roads(), threads)
+        write_vectors(observers, encoder.output(found, xy), places, rooms)
         return found
+
+    def _road_distances(self) -> RoadDistances:
+        """Return the distances by road for vectors, in all games."""
+        state = self._state
+        return kept_in(state.shared, "road distances", lambda: RoadDistances(state.roads))
 
     def _encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
@@ -414,7 +432,8 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         games = flat(self.games, np.int64), flat(rows, np.int64)
         seen = looks, flat(streets.columns.xy, np.float64), *pairs
-        return self._made_observers(mask, games, (choice, offsets, targets), seen, self._state.no_node)
+        of_maps = self._state.no_node, self._road_distances().first
+        return self._made_observers(mask, games, (choice, offsets, targets), seen, of_maps)
 
     def _made_observers(
         self,
@@ -422,7 +441,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         games: tuple[Any, Any],
         legal: tuple[Any, Any, Any],
         seen: tuple[Any, ...],
-        first: IntArray,
+        first: tuple[IntArray, IntArray],
     ) -> observe.Observers:
         """Return the agents of the view in the form of the core; see `observe.Observers`.
 
@@ -431,7 +450,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             games: the numbers of the games, and the first row of each.
             legal: the legal nodes.
             seen: the sensors, the positions of nodes, and the pairs of agents.
-            first: (all games,) the first node of the map of each game.
+            first: (all games,) the first node of the map of each game, and of its roads in the tables of distances.
         """
         roster = self.roster
         state = self._state
@@ -449,7 +468,8 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             *games,
             is_asked,
             *legal,
-            first_node=first.data,
+            first_node=first[0].data,
+            first_road=first[1].data,
             turn=flat(state.turn, np.int64),
             seen=visible,
         )
@@ -700,10 +720,10 @@ class VectorWriter(NamedTuple):
         buffers: Any = values.reshape(-1).data, legal.view(np.uint8).reshape(-1).data
         output.take(*buffers)
 
-        def write_part(thread: int, begin: int, end: int) -> None:
-            observe.observe_turns_aside(self.turn, self.observers, output, self.rooms[thread], games, begin, end)
+        def write_part(room: observe.NearestAgents, begin: int, end: int) -> None:
+            observe.observe_turns_aside(self.turn, self.observers, output, room, games, begin, end)
 
-        in_threads(write_part, len(games), len(self.rooms))
+        write_in_threads(write_part, len(games), self.rooms)
         return values, legal
 
 
@@ -740,10 +760,22 @@ def writers_of(
     legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
     numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
-    observers = own._made_observers(turn.alive, numbers, (_NO_CHOICES, *legal), seen, first_node)
+    observers = own._made_observers(
+        turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games))
+    )
     encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
     vectors = encoder.made(turn.alive, 1)._replace(counts=turn.counts)
     output = encoder.output(vectors)
     roads = [view._state.roads for view in views]
-    rooms = encoder.rooms(threads)
+    ways = make_distances(streets)
+    if turn.alive.size * _TURNS_AHEAD >= first[-1]:
+        find_distances(ways, streets, _widest_square(looks[0], agents))
+    rooms = encoder.rooms(ways, threads)
     return VectorWriter(turn.core, turn.alive.shape, numbers[0], observers, output, rooms, first, first_node, roads)
+
+
+def _widest_square(looks: tuple[Any, Any, Any], agents: IntArray) -> float:
+    """Return the largest squared radius of the sensors of agents, see `looks_of`; -1: they have none."""
+    begins, squares, _ = looks
+    of_agents = [square for agent in agents.tolist() for square in squares[begins[agent] : begins[agent + 1]]]
+    return max(of_agents, default=-1.0)
