@@ -47,6 +47,19 @@ cpdef int play_aside(Player p, i64 begin, i64 end) except -1
 
 
 @cython.final
+cdef class TurnsOfGames:
+    cdef const i64[::1] map_of, turn
+    cdef const u8[::1] going, apart
+    cdef i64 last, parts
+    cdef i64[::1] until
+    cdef u8[::1] over
+
+
+@cython.locals(place=i64, game=i64, until=i64)
+cpdef int begin_turns(TurnsOfGames t, i64 most) except -1
+
+
+@cython.final
 cdef class Entry:
     cdef readonly str phase, time
     cdef readonly i64 part

@@ -206,6 +206,55 @@ def play_phases_aside(p: Player, phase: int, begin: int, end: int) -> int:
     return 0
 
 
+class TurnsOfGames:
+    """The turns that the games of a batch play, and which of them are over.
+
+    Attributes:
+        map_of: (games,) the number of each game's map.
+        going: (games,) 0: a rule has ended the game.
+        apart: (games,) 1: the game is played in a context of its own.
+        turn: (games,) the number of turns played.
+        last: the turn at which all games end; -1: there is none.
+        parts: the number of parts of a turn.
+        until: (maps * games,) see `Player.until`, of the games on each map.
+        over: (games,) 1: a rule has ended the game.
+    """
+
+    def __init__(
+        self,
+        map_of: memoryview[int],
+        going: memoryview[int],
+        apart: memoryview[int],
+        turn: memoryview[int],
+        last: int,
+        parts: int,
+        until: memoryview[int],
+        over: memoryview[int],
+    ) -> None:
+        self.map_of = map_of
+        self.going = going
+        self.apart = apart
+        self.turn = turn
+        self.last = last
+        self.parts = parts
+        self.until = until
+        self.over = over
+
+
+def begin_turns(t: TurnsOfGames, most: int) -> int:
+    """Let the games that are not over play some turns, at most `most`."""
+    for place in range(len(t.until)):
+        t.until[place] = 0
+    for game in range(len(t.turn)):
+        t.over[game] = not t.going[game]
+        until = t.turn[game] + most
+        if t.last >= 0:
+            until = min(until, t.last)
+        if t.going[game] and not t.apart[game] and t.turn[game] < until:
+            t.until[t.map_of[game] * len(t.turn) + game] = until * t.parts
+    return 0
+
+
 # -- the order of phases -------------------------------------------------------------------------------------------
 
 PHASES_OF_PART = ("decide", "act", "give way", "move", "join")

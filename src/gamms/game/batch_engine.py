@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
-from gamms.core.turn import TurnDriver, TurnPlan
+from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns
 from gamms.deciding import DecidePhase
 from gamms.errors import GammsError
 from gamms.game.array_functions.given import OutsideActions, as_flights
@@ -31,7 +31,7 @@ from gamms.game.block.columns import (
     some_rows,
 )
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog, deed_log_of
-from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function
+from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
 from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.block.state import GameArrays, LeavesSharedContext
@@ -669,6 +669,17 @@ class BatchEngine(TurnDriver):
         acts = self._acts or self._deed_log is not None
         self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
         self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
+        state = self._state
+        self._turns = TurnsOfGames(
+            memory_of(self._map_of),
+            memory_of(state.is_going),
+            memory_of(state.is_apart),
+            memory_of(state.turn),
+            -1 if self._last is None else self._last,
+            self._num_parts,
+            memory_of(self._block.until),
+            memory_of(self._block.over),
+        )
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
@@ -783,24 +794,32 @@ class BatchEngine(TurnDriver):
         if self._leaves_out:  # who may be dead
             self.step({})
             return 1
-        before = self._state.turn.copy()
-        playing = self.playing
-        takes = None
-        count = min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
         if given is not None:
-            self._begin_turn(playing, given, threads)
-            self._take_moves(playing, given, None)
-            takes = self._now.agents.takes
-            count = 1
-        last = before + count
-        until = last if self._last is None else np.minimum(last, self._last)
-        with self._interruptible(is_given=False, is_single=True):  # no function can raise
-            self._play(playing, until * self._num_parts, takes, threads)
-            if self._block.illegal and self._is_strict:
-                self._raise_illegal()
-        played = 1 if count == 1 else int((self._state.turn - before).max())
+            return self._play_given(given, threads)
+        before = self._state.turn.copy()
+        count = min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
+        self._play_turns(count, None, threads)
+        played = int((self._state.turn - before).max())
         self._seconds /= max(played, 1)
         return played
+
+    def _play_given(self, given: Mapping[Hashable, OutsideActions], threads: int) -> int:
+        """Play a turn with given moves; return 1."""
+        are_legal = all(one.are_legal for one in given.values())
+        playing = self._state.is_going if are_legal else self.playing  # where moves are checked
+        self._begin_turn(playing, given, threads)
+        self._take_moves(playing, given, None)
+        self._play_turns(1, self._now.agents.takes, threads)
+        return 1
+
+    def _play_turns(self, most: int, takes: Sequence[BoolArray] | None, threads: int) -> None:
+        """Play some turns of the games that are not over, at most `most`; see `_play`."""
+        begin_turns(self._turns, most)
+        put_scores(self._state, self._block.score)
+        with self._interruptible(is_given=False, is_single=True):  # no function can raise
+            self._run_core(takes, threads, None)
+            if self._block.illegal and self._is_strict:
+                self._raise_illegal()
 
     def plays_moves(self, given: Mapping[Hashable, OutsideActions]) -> bool:
         """Return whether the core plays a whole turn with these actions in one call: they are moves alone.
@@ -1198,8 +1217,13 @@ class BatchEngine(TurnDriver):
             threads: the number of threads.
             phase: the phase of a part of the turn, see `gamms.core.turn`; None: all phases.
         """
-        cores = [one.core for one in self._maps]
         np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
+        self._block.give()
+        self._run_core(takes, threads, phase)
+
+    def _run_core(self, takes: Sequence[BoolArray] | None, threads: int, phase: int | None) -> None:
+        """Play the games that `CoreColumns.until` selects; see `_play`."""
+        cores = [one.core for one in self._maps]
         for number, core in enumerate(cores):
             core.prepare(None if takes is None else takes[number], threads)
 
@@ -1207,8 +1231,7 @@ class BatchEngine(TurnDriver):
             for core in cores:
                 core.play_part(thread, begin, end, phase)
 
-        self._block.give()
-        in_threads(play_part, len(until), threads, waits=self._can_stop)
+        in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
         for core in cores:
             core.finish()
         self._block.take_in()

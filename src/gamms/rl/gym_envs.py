@@ -244,8 +244,14 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             now = {key: column.copy() for key, column in last.items()}
         if self._autoreset_mode is AutoresetMode.SAME_STEP and num_over:
             self._begin_ended(now)
-        of_slots = (played.rewards, played.terminated, played.truncated, played.valid)
-        return SlotsTurn(now, last, *(column.reshape(-1) for column in of_slots))
+        return SlotsTurn(
+            now,
+            last,
+            played.rewards.reshape(-1),
+            played.terminated.reshape(-1),
+            played.truncated.reshape(-1),
+            played.valid.reshape(-1),
+        )
 
     def _begin_ended(self, now: Columns) -> None:
         """Begin the games that have ended again, and write their observations into columns of all slots."""
