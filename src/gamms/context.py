@@ -283,17 +283,16 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         ahead._seed = seed
         ahead.is_seeded = self.is_seeded
         ahead._phase.known_names = self._phase.known_names  # whose warnings are not repeated
-        ahead.graph_engine = graph.GraphEngine(ahead)
         ahead.agent_engine = agent.AgentEngine(ahead)
         ahead.sensor_engine = sensor.SensorEngine(ahead)
         ahead._shows_nothing = True
         memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
         memo[id(self._internal_context)] = ahead._internal_context
-        if self._visual_engine is not None:
-            memo[id(self._visual_engine)] = ahead.visual_engine
+        if self._visual_engine is not None and not isinstance(self._visual_engine, visual.PictureEngine):
+            memo[id(self._visual_engine)] = ahead.visual_engine  # the others find theirs when a function needs it
         if self._recorder is not None:
             memo[id(self._recorder)] = None
-        graph.engine.share_map(ahead.graph_engine, self.graph, memo)
+        ahead.graph_engine = graph.engine.share_map(ahead, self.graph, memo)
         ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
         ahead.agent_engine.storage.copy_from(self.agent.storage, memo)
         vars(ahead).update(vars(self) | vars(ahead))  # attributes of the caller's

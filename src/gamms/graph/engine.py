@@ -86,18 +86,23 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     def __init__(self, ctx: IContext, engine: Engine = Engine.MEMORY, path: "IPathLike | None" = None) -> None:
         if not isinstance(engine, Engine):
             raise UnknownType(f"Unknown graph engine {shown(engine)}. Use Engine.MEMORY or Engine.SQLITE.")
+        store = GraphStore()
+        self._begin(ctx, store, Obstacles(), Graph(store, phase_of(ctx)))
+        if engine is Engine.SQLITE:
+            self._open_database(path)
+
+    def _begin(self, ctx: IContext, store: GraphStore, obstacles: Obstacles, graph: Graph) -> None:
+        """Set all attributes, for a map in memory."""
         self._ctx = ctx
         self._phase = phase_of(ctx)
-        self._store = GraphStore()
-        self._obstacles = Obstacles()
-        self._graph: Graph | None = Graph(self._store, self._phase)
-        self._storage = MapStorage(ctx, self._store, self._obstacles, self._phase)
+        self._store = store
+        self._obstacles = obstacles
+        self._graph: Graph | None = graph
+        self._storage = MapStorage(ctx, store, obstacles, self._phase)
         self._tables: VisibilityTables | None = None
         self._database: MapDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that was last written to the file
         self._streets: tuple[int, StreetNames] | None = None  # (revision of the graph, its street names)
-        if engine is Engine.SQLITE:
-            self._open_database(path)
 
     @property
     def graph(self) -> Graph:
@@ -578,20 +583,20 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         return self.graph.revision, self.obstacle_revision, self.graph.attribution, self.graph.scenery
 
 
-def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) -> None:
-    """Share the map of another context with an engine, until one of the two contexts changes it.
+def share_map(ctx: IContext, source: GraphEngine, memo: dict[int, Any]) -> GraphEngine:
+    """Return an engine with the map of another context, which both share until one of them changes it.
 
     Args:
-        target: the engine that receives the map.
+        ctx: the context of the new engine.
         source: the engine of the other context.
-        memo: maps parts of `source` to their counterparts in `target`; see `copy.deepcopy`.
+        memo: gets the counterparts of the parts of `source`; see `copy.deepcopy`.
     """
-    target._store = source._store.fork()
-    target._obstacles = source._obstacles.fork()
-    target._graph = source.graph._fork(target._store, target._phase)
-    target._storage = MapStorage(target._ctx, target._store, target._obstacles, target._phase)
+    target = GraphEngine.__new__(GraphEngine)
+    store = source._store.fork()
+    target._begin(ctx, store, source._obstacles.fork(), source.graph._fork(store, phase_of(ctx)))
     target._storage.visibility_rows = source._storage.visibility_rows
     for name in ("_graph", "_store", "_obstacles", "_storage"):
         memo[id(getattr(source, name))] = getattr(target, name)
     memo[id(source)] = target
     memo[id(source._store.neighborhoods)] = target._store.neighborhoods
+    return target

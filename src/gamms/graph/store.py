@@ -80,11 +80,17 @@ class GraphStore(SharesTables):
     _columns: GraphColumns | None
 
     def __init__(self) -> None:
+        self._begin()
+        self.clear()
+
+    def _begin(self) -> None:
+        """Set the attributes that do not depend on the tables."""
         self.revision = -1
         self.road_changes = 0
         self._changed_roads: deque[Sequence[int]] = deque(maxlen=_MOST_CHANGES)  # the edges of the last road changes
         self.neighborhoods = Neighborhoods(self)
-        self.clear()
+        self._ground: FloatArray | None = None
+        self._ground_key: tuple[int, int, int] | None = None
 
     def clear(self) -> None:
         """Remove every node and edge."""
@@ -97,8 +103,8 @@ class GraphStore(SharesTables):
         self.scenery: str | Scenery | None = None
         self.closed = {}
         self._columns = None
-        self._ground: FloatArray | None = None
-        self._ground_key: tuple[int, int, int] | None = None
+        self._ground = None
+        self._ground_key = None
         self.rows_added()
 
     @property
@@ -237,7 +243,8 @@ class GraphStore(SharesTables):
 
     def fork(self) -> "GraphStore":
         """Return another store of this graph; both share the tables until one of them changes."""
-        store = GraphStore()
+        store = GraphStore.__new__(GraphStore)
+        store._begin()
         store.share(self)
         store.revision = self.revision
         store._columns = self._columns

@@ -42,6 +42,7 @@ _STRUCTURE = [name for name in _LISTS if name not in _PLACES]
 _OF_NODES = ("node", "previous")  # the columns with numbers of nodes
 _OF_PROGRESS = [column.name for column in _COLUMNS["progress"].numbers]
 _MOTIONS = tuple(Motion)
+_EMPTY = Block(IN_GAMES)  # a game without agents
 
 
 class AgentBlock(AgentColumns):
@@ -114,7 +115,7 @@ class AgentBlock(AgentColumns):
         self._edge_numbers = None
         for name in _LISTS:
             setattr(self, name, [])
-        self.games = Block(IN_GAMES)
+        self.games = _EMPTY.copied()  # NOTE: half of the time of a new block (w9 fork)
         self._show()
         self.has_teams = False
         self.team_rows: dict[Any, int] = {}

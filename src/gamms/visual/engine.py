@@ -87,6 +87,11 @@ class PictureEngine(Surface, ContextPart, IVisualizationEngine):
 
     _called = "ctx.visual"
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        """Return the engine of the copy of the context, which is made now; without such a copy, stay itself."""
+        ctx = memo.get(id(self.ctx))
+        return self if ctx is None else ctx.visual_engine
+
     def __repr__(self) -> str:
         return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
 
