@@ -234,6 +234,40 @@ def test_a_fork_is_played_on_with_the_memories_in_the_states_of_its_agents(grid)
         assert ctx.agent.get_agent("closed").state["memory"] == {"nodes": [4]}
 
 
+CHANGES = {
+    "play": lambda game: game.run(1),
+    "draw": lambda game: game.observation(game.agents[0])["draw"].bits(),
+    "delete": lambda game: game.ctx.agent.delete_agent("c"),
+    "create": lambda game: game.ctx.agent.create_agent(f"late {len(game.agents)}", start_node_id=0),
+    "kill": lambda game: setattr(game.ctx.agent.get_agent("b"), "alive", False),
+    "reseed": lambda game: game.ctx.reseed(5),
+    "remember": lambda game: game.agents[0].state.get("team_memory", {}).setdefault("noted", []).append(game.turn),
+    "reset": lambda game: game.reset(),
+}
+
+
+@settings(max_examples=20, suppress_health_check=list(HealthCheck))
+@given(turns=st.integers(1, 3), changes=st.lists(st.sampled_from(sorted(CHANGES)), max_size=3, unique=True))
+def test_the_states_of_a_fork_that_is_read_late_are_those_of_one_that_is_read_at_once(grid, turns, changes):
+    def draw(game):
+        own = [(agent.alive, agent.state) for agent in game.agents]
+        return [
+            (alive, state["team_memory"], "draw" in state and (state["draw"].bits(), state["rng"].random()))
+            for alive, state in own
+        ]
+
+    with grid() as ctx:
+        for name in "abc":
+            ctx.agent.create_agent(name, start_node_id=4, team="red", strategy=wander)
+        ctx.game.run(turns)
+        drawn = draw(ctx.game.fork(1))
+        late = ctx.game.fork(1)
+        for change in changes:
+            CHANGES[change](ctx.game)
+        assert draw(late) == drawn
+        assert late.agents[0].state["draw"] is late.observation(late.agents[0])["draw"]
+
+
 def test_agents_of_a_fork_share_the_sensors_that_agents_share(grid):
     with grid() as ctx:
         ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=15)

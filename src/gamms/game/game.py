@@ -279,6 +279,7 @@ class Game(Surface, RuleVerbs):
         state = self._state
         if self._internals.checks_start:
             self._internals.refuse_misfits()
+        self._phase.read_last_turn()  # of a fork, whose start the snapshot is
         earlier = state.start
         state.start = None  # a snapshot with the earlier start would keep all earlier games
         try:
@@ -626,6 +627,7 @@ class Game(Surface, RuleVerbs):
         self._ruleset.renew()
         self._ruleset.check_new()
         fork = self.fork(0)
+        fork._phase.read_last_turn()
         try:
             return Batch([BatchSource(fork, None, None, None)], chosen, record=False, most_agents=most_agents)
         except BaseException:

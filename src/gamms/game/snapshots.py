@@ -233,22 +233,31 @@ def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **other
 
 
 def _renew_states(target: SnapshotTaker) -> None:
-    """Insert the memories and random streams of the fork into the last states of its agents."""
-    order = target.turns.order()
+    """Insert the memories of the fork into the last states of its agents, and its random streams when one is read."""
     fork = PrivateForks(target.ctx)
+    states = []
     for agent in target.ctx.agent.storage.made():
-        name = agent.name
         state = cast("dict[str, Any]", agent.state)
         if "memory" in state:
-            slot = order.slots[order.index_of[name]] if agent.alive and name in order.index_of else None
-            state["memory"] = target.state.memory_of(name)
+            state["memory"] = target.state.memory_of(agent.name)
             state["team_memory"] = copied(state.get("team_memory"))
             state["fork"] = fork
-            for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
-                if value is None:
-                    state.pop(key, None)
-                else:
-                    state[key] = value
+            states.append((agent, state))
+    if states:
+        target.turns.phase.leave_unread(partial(_renew_streams, target, states))
+
+
+def _renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, Any]]]) -> None:
+    """Insert the random streams of the fork into the last states of agents."""
+    order = target.turns.order()
+    for agent, state in states:
+        i = order.index_of.get(agent.name) if agent.alive else None
+        slot = None if i is None else order.slots[i]
+        for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
+            if value is None:
+                state.pop(key, None)
+            else:
+                state[key] = value
 
 
 def own(value: object, memo: Memo) -> Any:
@@ -476,10 +485,10 @@ class GameInternals(ContextPart):
         ctx, memo = source.ctx.fork(seed)
         ahead: GameInternals = ctx.game.internals
         memo |= {id(source.ctx.game): ctx.game, id(self.state): ahead.state}
-        copy_game(source, ahead.parts, memo)
-        ahead.state.began = self.starts
         ahead.scenario = self.scenario
         ahead.digests = self.digests
+        copy_game(source, ahead.parts, memo)
+        ahead.state.began = self.starts
         return ctx, memo
 
     def copy_streams(self, target: "GameInternals") -> None:
