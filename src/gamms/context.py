@@ -280,12 +280,11 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
             The context, and the memo of `copy.deepcopy`: `id()` of a replaced object -> its replacement.
         """
         ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
-        ahead._seed = seed
-        ahead.is_seeded = self.is_seeded
+        # NOTE: at once, as in `reseed` (w9 fork).
+        vars(ahead).update(_seed=seed, is_seeded=self.is_seeded, _shows_nothing=True)
         ahead._phase.known_names = self._phase.known_names  # whose warnings are not repeated
         ahead.agent_engine = agent.AgentEngine(ahead)
         ahead.sensor_engine = sensor.SensorEngine(ahead)
-        ahead._shows_nothing = True
         memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
         memo[id(self._internal_context)] = ahead._internal_context
         if self._visual_engine is not None and not isinstance(self._visual_engine, visual.PictureEngine):

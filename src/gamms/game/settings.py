@@ -579,6 +579,9 @@ class RuleTable:
         ]
 
 
+_NO_RULES = RuleTable(())
+
+
 def _attributes_of(rule: object) -> list[Any]:
     """Return the attributes of a user's rule that declare it."""
     return [getattr(rule, name, None) for name in _ATTRIBUTES]
@@ -609,7 +612,7 @@ class RuleSet:
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.unchecked: list[NamedRule] = []
-        self.now = RuleTable(())
+        self.now = _NO_RULES
         self._players: dict[str, list[_RulePlayer]] = {}  # by phase
 
     @property
@@ -617,9 +620,9 @@ class RuleSet:
         """The rules; a new tuple after each change."""
         return self.now.rules
 
-    def replace(self, rules: tuple[NamedRule, ...]) -> None:
+    def replace(self, rules: RuleTable) -> None:
         """Replace all rules, without changing artists."""
-        self._set(RuleTable(rules))
+        self._set(rules)
 
     def _set(self, rules: RuleTable) -> None:
         self.now = rules

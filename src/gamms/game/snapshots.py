@@ -229,7 +229,10 @@ def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **other
     settings = {**source.settings.settings(), **others}
     given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
     target.settings.configure(given)
-    target.rules.replace(tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules]))
+    rules = [one._replace(rule=own(one.rule, memo)) for one in source.rules.rules]
+    are_same = all(new.rule is one.rule for new, one in zip(rules, source.rules.rules, strict=True))
+    can_share = are_same and not source.rules.now.changed()
+    target.rules.replace(source.rules.now if can_share else RuleTable(tuple(rules)))
 
 
 def _renew_states(target: SnapshotTaker) -> None:
