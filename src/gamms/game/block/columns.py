@@ -30,7 +30,7 @@ from gamms.typing.game import Deed
 # Bytes of an agent, measured: of each game in the core, with the events of 200 turns; of an agent that plays, and of a
 # name that is reserved, in all games together.
 BYTES_PER_AGENT = 290
-BYTES_PER_PLAYER = 2_400
+BYTES_PER_PLAYER = 1_900
 BYTES_PER_NAME = 1_200
 Column = np.ndarray[Any, Any]
 P = TypeVar("P")
