@@ -377,10 +377,13 @@ class GamesOnOneMap:
         nearest = self.game.ctx.graph.graph.nearest_node
         assert flights is not None  # noqa: S101 - some fly
         those = flights.move(games, state.alive[games] & (self.core.part_of == part))
-        has_flown = flights.has_flown[those[0], np.searchsorted(flights.agents, those[1])]
-        below = [nearest(*flights.at(*pair)) for pair in zip(*those, strict=True)]
+        if not len(those[0]):
+            return
+        pairs = those[0], np.searchsorted(flights.agents, those[1])
+        has_flown = flights.has_flown[pairs]
+        below = nearest(*flights.position[pairs][:, :2].T)
         state.previous[those] = state.node[those]
-        state.node[those] = state.streets.rows(np.array(below, np.int64))
+        state.node[those] = state.streets.rows(below)
         state.counts["moves"][those] += has_flown
         state.placed[those] |= has_flown
 

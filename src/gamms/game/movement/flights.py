@@ -185,11 +185,6 @@ class Flights:
                     self.position[game, k] = self.start[game, k]
                 self.has_flown[game, k] = False
 
-    def at(self, game: int, agent: int) -> tuple[float, float]:
-        """Return where an agent is above the ground plane."""
-        x, y, _ = self.position[game, int(np.searchsorted(self.agents, agent))].tolist()
-        return x, y
-
     # -- views ----------------------------------------------------------------------------------------------------
 
     def xyz(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
