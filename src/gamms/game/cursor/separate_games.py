@@ -96,14 +96,15 @@ class SeparateGames:
     def close(self) -> None:
         """End all contexts; results remain available."""
         for number in [*self._games]:
+            with suppress(BadValue):  # an error of `observe`, which raises it again
+                self.observe([number])
             self._settle(number)
             self._end(number)
 
     def _settle(self, number: int) -> None:
-        """Keep the result of a game whose context is about to end."""
-        with suppress(BadValue):  # an error of `observe`, which raises it again
-            self.observe([number])
+        """Keep the result of a game whose context is about to end; it gets one again if it is to be observed."""
         self._results[number] = self.result(number)
+        self._turns[number] = self._games[number].turn
 
     def _end(self, number: int) -> None:
         game = self._games.pop(number, None)
