@@ -108,6 +108,17 @@ def stumble(state):
         raise ZeroDivisionError("stumbled")
 
 
+def raise_in_step_of(games):
+    """Let functions raise in a step; return the caught error."""
+    switch["is_on"] = True
+    try:
+        with pytest.raises(ZeroDivisionError) as caught:
+            games.step()
+    finally:
+        switch["is_on"] = False
+    return caught
+
+
 def test_what_functions_wrote_in_a_turn_that_one_raises_stays_as_in_a_game_alone():
     with build([], {"red": decide}, max_turns=6) as ctx:
         ctx.game.publish(trips=0)
@@ -115,22 +126,12 @@ def test_what_functions_wrote_in_a_turn_that_one_raises_stays_as_in_a_game_alone
         with ctx.game.batch(seeds=[1, 2, 3]) as games:
             for _ in range(4):
                 games.step()
-            switch["is_on"] = True
-            try:
-                with pytest.raises(ZeroDivisionError):
-                    games.step()
-            finally:
-                switch["is_on"] = False
+            raise_in_step_of(games)
             games.step()
             trips = [games.result(number).events[-1]["number"] for number in range(3)]
         ctx.game.reset(seed=2)
         ctx.game.run(4)
-        switch["is_on"] = True
-        try:
-            with pytest.raises(ZeroDivisionError):
-                ctx.game.step()
-        finally:
-            switch["is_on"] = False
+        raise_in_step_of(ctx.game)
         ctx.game.step()
         alone = ctx.game.events[-1]["number"]
     assert trips == [6, 6, 5]  # the rule was called in the game before and in that which raised
@@ -148,12 +149,7 @@ def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
             for _ in range(4):
                 games.step()
             before = [games.result(number) for number in range(3)]
-            switch["is_on"] = True
-            try:
-                with pytest.raises(ZeroDivisionError) as caught:
-                    games.step()
-            finally:
-                switch["is_on"] = False
+            caught = raise_in_step_of(games)
             assert any(note.startswith("In game ") for note in caught.value.__notes__)
             assert games.turn.tolist() == [4, 4, 4]
             assert games.is_in_arrays
@@ -253,7 +249,7 @@ def open_on_way(way, rules, strategies=None):
 @pytest.mark.parametrize("way", WAYS)
 def test_a_turn_in_which_an_agent_with_a_speed_raises_is_taken_back(way):
     def fall_once(state):
-        state["memory"]["asked"] = state["turn"]  # what it remembers stays when the turn is taken back
+        state["memory"]["asked"] = state["turn"]  # memories stay when the turn is taken back
         wander(state)
         if switch["is_on"] and state["name"] == "red_2":
             raise ZeroDivisionError("fell")
@@ -263,12 +259,7 @@ def test_a_turn_in_which_an_agent_with_a_speed_raises_is_taken_back(way):
         with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
             for _ in range(3):
                 games.step()
-            switch["is_on"] = True
-            try:
-                with pytest.raises(ZeroDivisionError):
-                    games.step()
-            finally:
-                switch["is_on"] = False
+            raise_in_step_of(games)
             games.run()
             assert games.detached == {}
             assert_as_alone(games, alone)

@@ -273,7 +273,7 @@ class LegalNodes:
 
         Args:
             node: the node that the agent passed last.
-            edge: what it has partly covered, as in `rules.GameColumns`; -1: nothing.
+            edge: the edge that it has partly covered, as in `rules.GameColumns`; -1: nothing.
             share: the covered share.
             motion: its motion on the edge.
             speed: its speed; NaN: none.

@@ -184,10 +184,10 @@ class Batch(Surface, Immutable, NotPickled):
         return len(self.seeds)
 
     def __repr__(self) -> str:
-        games = f"{len(self)} games, {int(self._engine.is_over.sum())} over, played in the core"
+        places = "played in the core"
         if self._separate:
-            games += f", {len(self._separate)} of them in contexts of their own"
-        return f"Batch({games})"
+            places = f"{len(self._separate)} of them in contexts of their own, the others in the core"
+        return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, {places})"
 
     def __enter__(self) -> Self:
         return self
@@ -913,7 +913,7 @@ def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> 
     are_alike = [
         roster.teams == first.teams,
         np.array_equal(roster.team_of, first.team_of),
-        np.array_equal(roster.varies, first.varies),
+        np.array_equal(roster.is_first, first.is_first),
         np.array_equal(roster.flies, first.flies),
     ]
     if not all(are_alike):

@@ -151,12 +151,17 @@ class GamesOnOneMap:
         self.core = CoreGames(
             game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
         )
-        called = CalledFunctions.of(game, roster, asked, observing, has_array_functions=has_arrays)
-        self.cursor = Cursor(game, self._pointed, state, self.core, called) if calls_each else None
+        self.cursor = self._make_cursor(asked, observing, has_array_functions=has_arrays) if calls_each else None
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
+
+    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], *, has_array_functions: bool) -> Cursor:
+        """Return the object that calls plain functions; see `CalledFunctions.of`."""
+        roster = self.state.roster
+        called = CalledFunctions.of(self.game, roster, asked, observing, has_array_functions=has_array_functions)
+        return Cursor(self.game, self._pointed, self.state, self.core, called)
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:
         """Let rules write what agents know of them at the start."""
@@ -1341,7 +1346,7 @@ def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
     """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
     are_created = first_called(game, roster) is not None
     are_called = [len(called_each_turn(agent)) > 0 for agent in roster.agents]
-    found: BoolArray = np.array(are_called, np.bool_) | (roster.varies & are_created)
+    found: BoolArray = np.array(are_called, np.bool_) | (~roster.is_first & are_created)
     return found
 
 

@@ -655,7 +655,7 @@ def _longer_side(xy: FloatArray) -> float:
 
 for _function in (default_observation, straight_observation):  # attributes that other observations may have
     _function.bounds = (-2.0, 2.0)  # type: ignore[attr-defined]
-    _function.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
+    _function.of_each = True  # type: ignore[attr-defined] # the numbers of an agent do not depend on others
 
 
 def _brings_back(rule: object) -> bool:

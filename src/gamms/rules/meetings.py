@@ -189,9 +189,7 @@ class Roster:
         team_of = self._team[:agents]
         team_of[:] = [number[team] for team in teams]
         everyone = np.ones(agents, np.bool_)
-        self.table = AgentTable(
-            tuple(names), self._all_teams, team_of, self._keys, [], everyone, everyone, ~everyone, self.flies
-        )
+        self.table = AgentTable(tuple(names), self._all_teams, team_of, self._keys, [], everyone, everyone, self.flies)
         self.games.agents = agents
         self.games.order = self.rows.data
 

@@ -133,9 +133,11 @@ class GameLog(ABC, Generic[P]):
 
     Args:
         num_games: the number of games in the batch.
+        names: the names of the agents, if entries have numbers of agents.
     """
 
-    def __init__(self, num_games: int) -> None:
+    def __init__(self, num_games: int, names: Sequence[str] = ()) -> None:
+        self._names = names
         self._pending: list[P] = []
         self._num_games = num_games
         self._of_game = defaultdict[int, list[dict[str, Any]]](list)
@@ -270,9 +272,9 @@ class AgentTable(NamedTuple):
         keys: (agents,) the hashes of the names, for keyed draws.
         agents: the agents of the context that the batch was made from, for constant data such as sensors, and those
             that may come.
-        is_first: (agents,) whether each agent is in the game at the start; the other rows are for agents that may come.
+        is_first: (agents,) whether each agent is in the game at the start; the other rows are for agents that may come,
+            whose strategies and sensors may differ between games.
         is_public: (agents,) whether callers observe the agent and give it actions.
-        varies: (agents,) whether the strategy and the sensors of an agent of this name may differ between games.
         flies: (agents,) whether each agent flies; the others move on the ground.
     """
 
@@ -283,7 +285,6 @@ class AgentTable(NamedTuple):
     agents: list[Any]  # `IAgent`, or `ComingAgent`
     is_first: BoolArray
     is_public: BoolArray
-    varies: BoolArray
     flies: BoolArray
 
     @classmethod
@@ -304,7 +305,7 @@ class AgentTable(NamedTuple):
         is_first = np.array([not isinstance(agent, ComingAgent) for agent in ordered], np.bool_)
         is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        masks = [locked(one) for one in (is_first, is_public, ~is_first, flies)]
+        masks = [locked(one) for one in (is_first, is_public, flies)]
         return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
 
     def can_hold(self, agent: IAgent) -> bool:

@@ -609,12 +609,12 @@ def core_forms(game: PlayedGame, roster: AgentTable) -> list[int | None]:
     some_fly = bool(roster.flies.any())
     single: dict[int, int | None] = {}  # by the id of the decider
     forms: list[int | None] = []
-    for agent, varies, flies in zip(roster.agents, roster.varies.tolist(), roster.flies.tolist(), strict=True):
+    for agent, is_first, flies in zip(roster.agents, roster.is_first.tolist(), roster.flies.tolist(), strict=True):
         decider = decider_of(agent, plans)
         form = None
-        if decider is None and not varies:
+        if decider is None and is_first:
             form = moves.STAY
-        elif not (varies or flies):
+        elif is_first and not flies:
             if id(decider) not in single:
                 steps: Any = strategy_spec_of(decider).core_steps or ()
                 single[id(decider)] = _SINGLE_STEPS.get(steps)

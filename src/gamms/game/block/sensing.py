@@ -162,13 +162,14 @@ def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
         with_nodes: whether to include sensors of nodes, because maps or headings may differ between games.
     """
     roster = state.roster
-    each = zip(roster.agents, roster.flies | roster.varies, strict=True)
+    varies = ~roster.is_first
+    each = zip(roster.agents, roster.flies | varies, strict=True)
     are_plain = [not is_odd and has_plain_looks(one) for one, is_odd in each]
     found = {number: noted_sensors(roster.agents[number]) for number, is_plain in enumerate(are_plain) if not is_plain}
     state.noted = {number: names for number, names in found.items() if names}
-    if with_nodes or roster.varies.any():
-        both = zip(roster.agents, roster.varies.tolist(), strict=True)
-        found = {number: noted_node_sensors(one, varies=varies) for number, (one, varies) in enumerate(both)}
+    if with_nodes or varies.any():
+        both = zip(roster.agents, varies.tolist(), strict=True)
+        found = {number: noted_node_sensors(one, varies=may_vary) for number, (one, may_vary) in enumerate(both)}
         state.noted_nodes = {number: names for number, names in found.items() if names}
 
 

@@ -233,16 +233,7 @@ class CoreEvents(NamedTuple):
 
 
 class EventLog(GameLog[EmittedEvents | CoreEvents]):
-    """The log of the events of all games.
-
-    Args:
-        num_games: the number of games in the batch.
-        names: the names of the agents.
-    """
-
-    def __init__(self, num_games: int, names: Sequence[str]) -> None:
-        super().__init__(num_games)
-        self._names = names
+    """The log of the events of all games."""
 
     def show(self, game: int, entries: list[dict[str, Any]]) -> None:
         """Set the log of a game to a list, which is not copied."""
@@ -278,16 +269,7 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
 
 
 class ErrorLog(GameLog[tuple[Failure, int]]):
-    """The log of the errors of agents in all games.
-
-    Args:
-        num_games: the number of games in the batch.
-        names: the names of the agents.
-    """
-
-    def __init__(self, num_games: int, names: Sequence[str]) -> None:
-        super().__init__(num_games)
-        self._names = names
+    """The log of the errors of agents in all games."""
 
     def add(self, failure: Failure, turn: int) -> None:
         """Log an error in a turn."""

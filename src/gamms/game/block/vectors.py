@@ -139,7 +139,7 @@ class RoadDistances:
         self._roads = roads
         self._tables: RoadTables | None = None  # None: no road was closed yet
         self.first = np.zeros(len(roads.number), np.int64)
-        self._core: routes.NearbyDistances | None = None  # None: nobody has asked
+        self._core: routes.NearbyDistances | None = None  # None: not made yet
 
     def take_roads(self) -> routes.NearbyDistances:
         """Return the distances on the current roads of all games."""

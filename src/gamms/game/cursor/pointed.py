@@ -163,14 +163,15 @@ class RowValues:
     """What only Python can hold of a game of a batch. It is made when it is read first.
 
     Args:
-        first: the values at the start of the games; None: these are the values of the start.
+        first: the values with which games begin.
+        undone: see the attribute, at the start.
 
     Attributes:
         data: `ctx.game.data`; None: as at the start.
         facts: the public facts; None: as at the start.
         agent_facts, team_facts, memories, team_memories, delayed_looks, departed: see `GameState`.
         attributes: the custom attributes of the agents, by row; None: those that games share.
-        undone: agent -> why it did not do what it wanted in its last turn, but for conflicts.
+        undone: agent -> the reasons other than conflicts why its last action failed.
         collectors: the collectors, with their values; None: nothing was collected.
         inboxes: the inboxes of the agents; None: nothing was received.
         rng: `ctx.rng`; None: it was not used.
@@ -199,6 +200,14 @@ class RowValues:
         self.rng: Generator | None = None
         self.population: Population | None = None
         self.moved: tuple[tuple[int, int | None, bool], Population] | None = None
+
+    def begin(self, first: FirstValues) -> None:
+        """Take the values with which this game begins, unlike others."""
+        self.data = copied(first.data)
+        self.facts = dict(first.facts)
+        self.attributes = [copied_values(one) for one in first.attributes]
+        self.agent_facts = copied(first.agent_facts)
+        self.team_facts = copied(first.team_facts)
 
     def turn_values(self) -> tuple[Any, ...]:
         """Return copies of what goes back with a turn that is taken back: all but what functions have written."""
@@ -421,21 +430,18 @@ class PointedContext:
         """Reset some games to their start."""
         for number in games.tolist():
             self.rows[number] = None
+        for number in games.tolist() if self._start is not None else ():
             rng = self._first_rng(number)
             if rng is not None:
                 self.row_of(number).rng = rng
-            first = self._first_values[number] if self._first_values else None
+        for number in games.tolist() if self._first_values else ():
+            first = self._first_values[number]
             if first is not None:
-                row = self.row_of(number)
-                row.data = copied(first.data)
-                row.facts = dict(first.facts)
-                row.attributes = [copied_values(one) for one in first.attributes]
-                row.agent_facts = copied(first.agent_facts)
-                row.team_facts = copied(first.team_facts)
+                self.row_of(number).begin(first)
 
     def _first_rng(self, number: int) -> Generator | None:
         """Return `ctx.rng` of a new game; None: it is created on first use."""
-        state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
+        state = self._start.rng_of(self._state.seeds[number])
         if state is None:
             return None
         rng: Generator = self._game.ctx.stream("context")

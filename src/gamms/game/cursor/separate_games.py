@@ -34,7 +34,7 @@ class SeparateGames:
         roster: the agents of all games.
         begin: returns a game, by its number, after a number of turns, in a context of its own.
         playing: returns a context manager in which a game is played, by its number.
-        let_go: takes a game that has ended, by its number; nobody knows its context, which may show another game.
+        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game.
 
     Attributes:
         reasons: why each of these games is played in a context of its own.

@@ -23,7 +23,6 @@ from gamms.game.movement.moves import TurnMoves
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import COUNTED
-from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
@@ -380,7 +379,7 @@ class ShownGame:
 
     @property
     def undone(self) -> Mapping[str, str]:
-        """Agent -> why it did not do what it wanted in the last turn of the game, but for conflicts."""
+        """Agent -> the reasons other than conflicts why its last action in the game failed."""
         row = self._pointed.rows[self._pointed.number]
         return self._pointed.at_start.undone if row is None else row.undone
 
@@ -617,11 +616,7 @@ class ShownGame:
             self.leave("draws from ctx.rng, as the code of the scenario does")
 
     def _take_population(self) -> AgentBlock:
-        """Store the agents that a function has created or deleted for its game.
-
-        Returns:
-            The block with the changes of the function.
-        """
+        """Store the agents that a function has created or deleted for its game; return their new block."""
         number = self._pointed.number
         before = self._population
         agents = self._ctx.agent.agents
@@ -629,12 +624,10 @@ class ShownGame:
         known = {agent.name: agent for agent in before.agents.members}
         first = dict(zip(self._pointed.first.agents.members, self._pointed.first.agents.equipment, strict=True))
         new = [agent for name, agent in agents.items() if known.get(name) is not agent]
-        changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
         self._turns.note_departed()
-        self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
         if not all(map(roster.can_hold, new)):
             self.leave("creates agents for which most_agents= has reserved no rows")
-        if not all(roster.varies[self.number_of[agent.name]] for agent in changed):
+        if any(first.get(agent, own) != own for agent in agents.values() for own in [(agent.strategy, agent.sensors)]):
             self.leave("changes strategies or sensors of agents")
         self._attributes.keep(self.own_row())
         row = self.own_row()
@@ -655,12 +648,6 @@ class ShownGame:
         self._attributes.take_row(row)
         self._fixed = self._what_is_fixed()
         return found.block
-
-    def _refuse_other_forms(self, changed: Sequence[Any], first: Mapping[Any, tuple[Any, Any]]) -> None:
-        """Leave the core if agents for which array functions decided have other strategies now."""
-        for agent in changed:
-            if strategy_spec_of(agent.strategy).array_form is not strategy_spec_of(first[agent][0]).array_form:
-                self.leave("changes a strategy to or from an array strategy")
 
     def _take_logs(self, read: dict[str, Any]) -> None:
         """Write the changes of the scores and the events of a game that were read."""

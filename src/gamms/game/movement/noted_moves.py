@@ -65,7 +65,7 @@ class NotedMoves:
     def put_legal(
         self, nodes: IntArray, is_legal: BoolArray, which: tuple[IntArray, IntArray]
     ) -> tuple[IntArray, BoolArray]:
-        """Return the rows of the legal nodes of agents, and a mask of valid entries, likewise."""
+        """Return the rows of the legal nodes of agents, and a mask of valid entries; those of noted games as noted."""
         those, numbers = self._those(nodes.shape[:-1], which)
         counts = self.counts[numbers]
         most = int(counts.max(initial=nodes.shape[-1]))
@@ -79,7 +79,7 @@ class NotedMoves:
         return nodes, is_legal
 
     def put_places(self, places: Places, which: tuple[IntArray, IntArray]) -> Places:
-        """Return the positions of agents, likewise; `places` is changed."""
+        """Return the positions of agents; those of noted games as noted. `places` is changed."""
         those, numbers = self._those(places.offset_m.shape, which)
         for column, noted in zip(places, self.places, strict=True):
             column[those] = noted[numbers]
