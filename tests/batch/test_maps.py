@@ -143,6 +143,52 @@ def test_maps_are_checked_as_those_of_scenarios(tmp_path):
         scene([TAG], folder=tmp_path).batch(3, maps=[{"file": "none.gamms"}])
 
 
+def test_array_functions_know_the_map_that_they_are_called_for(tmp_path):
+    code = """
+import gamms
+
+
+@gamms.array_strategy
+def walk_east(view):
+    columns = view.map_spec["grid"]["columns"]
+    here = view["curr_pos"]
+    return view.action_to(here + (here % columns < columns - 1))
+
+
+@gamms.array_rule
+def score(turn):
+    turn.add_scores(*turn.alive.nonzero(), turn.map + turn.map_spec["grid"]["rows"] / 100)
+"""
+    (tmp_path / "mine.py").write_text(code)
+    scenario = scene(["mine:score"], teams={"red": {"count": 2, "strategy": "mine:walk_east"}}, folder=tmp_path)
+    scenario = scenario.replace(map=MAPS[3])
+    with scenario.batch(8, maps=MAPS) as games:
+        games.run(max_turns=9)
+        assert len({*games.maps.tolist()}) > 2
+        for game, number in enumerate(games.maps.tolist()):
+            grid = MAPS[number]["grid"]
+            assert games.scores["red"][game] == pytest.approx(2 * 9 * (number + grid["rows"] / 100))
+            ends = [agent["node"] % grid["columns"] for agent in games.result(game).agents.values()]
+            assert ends == [grid["columns"] - 1] * 2
+        number = int(games.maps[0])
+        view = games.observe("red", map=number)
+        assert (view.map, view.map_spec) == (number, MAPS[number])
+        view.map_spec["grid"]["rows"] = 0
+        assert view.map_spec == MAPS[number]
+    with scenario.batch(1) as games:
+        assert (games.observe("red").map, games.observe("red").map_spec) == (0, scenario.to_dict()["map"])
+    assert scenario.play(seed=3).scores["red"] > 0  # one game calls the same functions
+
+
+def test_an_error_in_a_start_names_the_map_and_the_seed():
+    teams = {"red": {"count": 1}, "blue": {"count": 1, "from": {"team": "red", "at_least": 70}}}
+    maps = [{"grid": {"rows": 20, "columns": 20}}, {"grid": {"rows": 4, "columns": 11}}]
+    scenario = scene(teams=teams)
+    for seeds in ([9], range(12)):  # the game that fails is the first, or a later one
+        with pytest.raises(ScenarioError, match=r"on maps\[1\], .*at least 70 from red, with the seed 9\."):
+            scenario.batch(seeds=seeds, maps=maps)
+
+
 def test_agents_need_their_places_on_all_maps():
     agents = [{"name": "one", "node": 15}]
     scenario = scene(teams={"red": {"agents": agents, "strategy": WALK}})

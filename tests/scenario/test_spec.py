@@ -218,7 +218,11 @@ FOUND_BY_CHECK = [
         "teams.red",
         "only 11 of 99 agents could be placed, within 30 of node 0. Change count or",
     ),
-    ({"teams.red.apart": 31}, "teams.red", "of 3 agents could be placed, within 30 of node 0, at least 31 apart."),
+    (
+        {"teams.red.apart": 31},
+        "teams.red",
+        "of 3 agents could be placed, within 30 of node 0, at least 31 apart, with the seed",
+    ),
     ({"teams.blue.count": 2, "teams.blue.from": {"team": "red", "at_least": 200}}, "teams.blue", "only 0 of 2"),
 ]
 

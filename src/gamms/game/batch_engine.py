@@ -112,6 +112,7 @@ class GamesOnOneMap:
         self.game = game
         self._own = own
         self.state = state
+        state.name_map(game)
         roster = state.roster
         settings = game.settings()
         if settings["team_memory"]:

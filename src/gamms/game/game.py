@@ -583,6 +583,8 @@ class Game(Surface, RuleVerbs):
             ctx.is_seeded = True
             game._state.parts_played = self._turns.part
             game._internals.digests = self._internals.digests
+            game._internals.map_number = self._internals.map_number
+            game._internals.map_spec = self._internals.map_spec
             game._begin()
         return PrivateFork(game, names, lambda value: own(value, memo))
 

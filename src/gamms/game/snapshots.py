@@ -369,6 +369,8 @@ class GameInternals(ContextPart):
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
         scenario: the scenario of the game as plain values, for the recorder; None: a program built the game.
         digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.
+        map_number, map_spec: the number of the map among those of a batch, 0 if there is one; and its entry in `maps`,
+            or under the key `map` of the scenario; None: a program built the game.
         kept: caches of rules, by name; copies and snapshots do not contain them.
         named_idle: the teams that `warn_of_idle_teams` has named.
         checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
@@ -388,6 +390,8 @@ class GameInternals(ContextPart):
         self.after_observing: list[Observer] = parts.turns.observers
         self.scenario: dict[str, Any] | None = None
         self.digests: Callable[[], dict[str, str]] | None = None
+        self.map_number = 0
+        self.map_spec: Any = None
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
         self.checks_start = False
@@ -490,6 +494,8 @@ class GameInternals(ContextPart):
         memo |= {id(source.ctx.game): ctx.game, id(self.state): ahead.state}
         ahead.scenario = self.scenario
         ahead.digests = self.digests
+        ahead.map_number = self.map_number
+        ahead.map_spec = self.map_spec
         copy_game(source, ahead.parts, memo)
         ahead.state.began = self.starts
         return ctx, memo

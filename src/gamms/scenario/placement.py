@@ -219,7 +219,7 @@ class _TeamPlacement:
             left = left[placed < len(free)]
             if not len(left):
                 return rows
-        raise ScenarioError(self.path, self._refusal(int(most[left[0]]), len(free)))
+        raise ScenarioError(self.path, self._refusal(int(most[left[0]]), len(free), seeds[left[0]]))
 
     def _try(self, seeds: Sequence[int], free: list[int], allowed: WordArray, attempt: int) -> IntArray:
         """Draw a remaining node for one agent after the other, (seeds, agents); -1: no node remained."""
@@ -269,7 +269,7 @@ class _TeamPlacement:
             allowed = np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
         return as_words(allowed)
 
-    def _refusal(self, placed: int, wanted: int) -> str:
+    def _refusal(self, placed: int, wanted: int, seed: int | None = None) -> str:
         words = [f"only {placed} of {wanted} agents could be placed"]
         ways_out = ["count"]
         if self.spec.within is not None:
@@ -281,6 +281,8 @@ class _TeamPlacement:
         for one in self.away:
             words.append(f"at least {one.at_least:g} from {one.team}")
             ways_out.append("from")
+        if seed is not None:
+            words.append(f"with the seed {seed}")
         others = f", beside {len(self.fixed)} on nodes of their own" if self.fixed else ""
         return f"{', '.join(words)}{others}. Change {' or '.join(dict.fromkeys(ways_out))}."
 

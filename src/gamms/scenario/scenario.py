@@ -94,6 +94,7 @@ class Scenario(Surface, Immutable):
             self._put_public(spec=checked(documents.with_current_keys(self._raw), Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
+        self._map_number: int | None = None  # among the maps of a batch; None: it is the only one
         self._named_idle = set[Hashable]()
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
@@ -296,6 +297,8 @@ class Scenario(Surface, Immutable):
             with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
+                ctx.game.internals.map_number = self._map_number or 0
+                ctx.game.internals.map_spec = documents.copied(self._raw).get("map")
                 ctx.game.internals.named_idle = self._named_idle
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
@@ -383,8 +386,8 @@ class Scenario(Surface, Immutable):
         scenarios = [self] if maps is None else self._on_maps(maps)
         sources: list[BatchSource] = []
         try:
-            for number, scenario in enumerate(scenarios):
-                with on_map(None if maps is None else number):
+            for scenario in scenarios:
+                with on_map(scenario._map_number):
                     sources.append(scenario._source_of_batch(chosen, strategies, vis_engine))
             sources[0].game.internals.parts.rules.check_new()
             return Batch(sources, chosen, record=record, most_agents=most_agents)
@@ -399,6 +402,7 @@ class Scenario(Surface, Immutable):
         for number, one in enumerate(as_items(maps, "maps", "maps of scenarios")):
             with on_map(number):
                 found.append(self.replace(map=one))
+            found[-1]._map_number = number
         if not found:
             raise BadValue("maps is empty: give at least one map, or None for that of the scenario.")
         return found
@@ -414,7 +418,7 @@ class Scenario(Surface, Immutable):
             varying = builder.varying(self._builder_for(one, strategies) for one in others)
             functions = partial(builder.functions_at, varying) if varying else None
             differs = builder.has_other_values(varying)
-            place = builder.place if are_drawn else None
+            place = on_map(self._map_number)(builder.place) if are_drawn else None
             build = partial(self.build, strategies=strategies)
             show = None if vis_engine is None else partial(build, vis_engine=vis_engine)
             return BatchSource(ctx.game, place, build, show, functions, differs, builder.edges_before_code())

@@ -161,6 +161,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     streets = world.movement.streets
     nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
     state = GameArrays(roster, world.movement, [ctx.seed], nodes)
+    state.name_map(game)
     state.alive[0] = [agent.alive for agent in roster.agents]
     state.turn[0] = game.turn
     state.shared = world.shared

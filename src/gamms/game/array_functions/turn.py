@@ -1,6 +1,7 @@
 """The argument of array rules: one turn of all games that are being played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from copy import deepcopy
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -95,6 +96,16 @@ class ArrayTurn(ShallowCopied):
     def _find_roads(self) -> None:
         """Find the maps of the games, because rules may have closed roads."""
         self.streets, self._movement, self._shared = self._state.world(self.games)
+
+    @property
+    def map(self) -> int:
+        """The number of the map of these games, as in `games.maps`; 0 if there is one."""
+        return self._state.map_number
+
+    @property
+    def map_spec(self) -> Any:
+        """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
+        return deepcopy(self._state.map_spec)
 
     @property
     def _rows(self) -> Any:

@@ -1,7 +1,7 @@
 """The argument of array strategies, also used by learners: the agents of one strategy in all games at once."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
@@ -129,6 +129,16 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(_VALUES)
+
+    @property
+    def map(self) -> int:
+        """The number of the map that the view shows, as in `games.maps`; 0 if there is one."""
+        return self._state.map_number
+
+    @property
+    def map_spec(self) -> Any:
+        """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
+        return deepcopy(self._state.map_spec)
 
     @property
     def counts(self) -> IntArray:

@@ -15,7 +15,7 @@ from gamms import kernels
 from gamms.core import observe, rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import AgentTable, Failure, GameLog, index_games
+from gamms.game.block.columns import AgentTable, Failure, GameLog, PlayedGame, index_games
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog
 from gamms.game.decisions import COUNT_OF
 from gamms.game.movement.flights import Flights
@@ -501,6 +501,7 @@ class GameArrays(BatchColumns):
         shared: data computed once for all games, by key; independent of the state.
         searches: find the agents that plain sensors show, by the names of the sensors.
         now: data computed from the current state, by key; cleared when the state changes.
+        map_number, map_spec: the number of the map among those of the batch, and its entry; see `GameInternals`.
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
     """
@@ -545,6 +546,8 @@ class GameArrays(BatchColumns):
         self.tell: Callable[[Failure], None] = _tell_nobody
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
+        self.map_number = 0
+        self.map_spec: Any = None
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         if start is not None:
             self.reset(np.arange(len(seeds)), seeds, start)
@@ -555,6 +558,11 @@ class GameArrays(BatchColumns):
 
     def __len__(self) -> int:
         return len(self.seeds)
+
+    def name_map(self, game: PlayedGame) -> None:
+        """Note the number and the entry of the map, which are those of a game on it."""
+        self.map_number = game.internals.map_number
+        self.map_spec = game.internals.map_spec
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
