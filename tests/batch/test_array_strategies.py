@@ -1,10 +1,13 @@
 """Strategies that are written in arrays alone play the same in games alone and in batches."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from batch_scenes import BEYOND, WALK, assert_as_alone, beyond_core, plain, scene
+from batch_scenes import BEYOND, WALK, assert_as_alone, assert_as_played, beyond_core, check_games, plain, scene
 
 import gamms
+from gamms import strategies
 from gamms.errors import BadType, BadValue
 
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -191,3 +194,112 @@ def test_strategies_of_agents_with_speeds_go_towards_nodes_in_each_game(speed, s
         games.run()
         assert games.is_in_arrays, games.slow
         assert_as_alone(games, alone)
+
+
+# -- asking other strategies ------------------------------------------------------------------------------------------
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+
+
+@gamms.array_strategy
+def step_twice(view):
+    """Take the last legal node."""
+    return view.counts - 1
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        strategies.stay,
+        strategies.random_walk,
+        strategies.chase,
+        strategies.flee,
+        partial(strategies.patrol, nodes=[3, 17, 8]),
+        partial(strategies.follow_path, nodes=[3, 17, 8], repeat=True),
+        partial(strategies.goto, target=12),
+        partial(strategies.random_waypoints, pause=2),
+        step_twice,
+    ],
+)
+def test_an_array_strategy_that_asks_another_one_plays_as_that_one(asked):
+    @gamms.array_strategy
+    def ask(view):
+        return view.ask(asked)
+
+    scenario = scene([TAG], **SEEING)
+    with scenario.batch(6, strategies={"red": ask}) as games:
+        games.run()
+        assert not games.detached
+        for number, seed in enumerate(games.seeds):
+            own = plain(scenario.play(seed=seed, strategies={"red": asked}))
+            assert plain(games.result(number)) == own
+            assert plain(scenario.play(seed=seed, strategies={"red": ask})) == own
+
+
+def test_asked_strategies_share_the_numbers_that_agents_draw():
+    @gamms.array_strategy
+    def mix(view):
+        is_bold = view.draw.random() < 0.5
+        chosen = np.where(is_bold, view.only(is_bold).ask(strategies.chase), 0)
+        rest = view.only(~is_bold).ask(strategies.random_walk)
+        assert not rest[is_bold].any()
+        return np.where(view.draw.random() < 0.1, 0, np.maximum(chosen, rest))
+
+    scenario = scene([TAG], **SEEING)
+    with scenario.batch(9, strategies={"red": mix}) as games:
+        games.run()
+        assert len({games.result(number).scores["red"] for number in range(9)}) > 1
+        assert_as_played(games, scenario, {"red": mix})
+
+
+def test_asked_strategies_know_which_roads_are_closed():
+    def close(ctx):
+        """Close two roads for some turns, others in each game."""
+        roads = [ctx.seed % 7, 7 + ctx.seed % 5]
+        if ctx.game.turn % 4 == 1:
+            ctx.graph.close_roads(roads)
+        elif ctx.game.turn % 4 == 3:
+            ctx.graph.open_roads(roads)
+
+    scenario = scene([TAG], **SEEING)
+    for asked in (strategies.chase, strategies.random_walk):
+
+        @gamms.array_strategy
+        def ask(view, asked=asked):
+            return view.ask(asked)
+
+        found = []
+        for strategy in (asked, ask):
+            with scenario.build(seed=1, strategies={"red": strategy}) as ctx:
+                ctx.game.add(close)
+                found.append([plain(one) for one in check_games(ctx, 6)])
+        assert found[0] == found[1]
+
+
+def test_learners_see_what_a_shipped_strategy_would_do():
+    scenario = scene([TAG], **SEEING)
+    with scenario.batch(4) as games, scenario.batch(4, strategies={"red": strategies.chase}) as own:
+        for _ in range(9):
+            games.step({"red": games.observe("red").ask(strategies.chase)})
+            own.step()
+            assert np.array_equal(games.observe("red").node, own.observe("red").node)
+
+
+def test_a_strategy_that_cannot_be_asked_is_refused():
+    def think(state):
+        state["action"] = state["legal"][0]
+
+    with scene().batch(2) as games:
+        view = games.observe("red")
+        with pytest.raises(BadType, match="called agent by agent"):
+            view.ask(think)
+        with pytest.raises(BadType, match="intercept, which is called agent by agent"):
+            view.ask(strategies.intercept)
+        with pytest.raises(BadType, match="A strategy must be a function"):
+            view.ask(7)
+    late = {**SEEING, "sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "delay_turns": 1}}}
+    with scene(**late).batch(2) as games, pytest.raises(BadValue, match="neither err nor report late"):
+        games.observe("red").ask(strategies.chase)
+    fast = {"red": {"count": 2, "speed": 3.0}}
+    with scene(teams=fast).batch(2) as games, pytest.raises(BadValue, match="along one edge a turn"):
+        games.observe("red").ask(strategies.random_walk)

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws, strategies
+from gamms.core cimport draws, routes, strategies
 from gamms.core.conflicts cimport Contests, MoveRequests, resolve
 from gamms.core.rules cimport GameColumns, AgentPaths
 
@@ -87,8 +87,15 @@ cdef int follow_steps(GameColumns games, OneEdgeMovers m, i64 game) except -1 no
 cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil
 cdef i64 legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
 cdef int set_out(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
-@cython.locals(row=i64, first=i64, number=i64, node=i64)
+@cython.locals(node=i64)
 cdef Py_ssize_t node_by_steps(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
+@cython.locals(node=i64, first=i64, number=i64)
+cdef i64 act(strategies.Strategies p, LegalMoves s, i64 game, i64 i) except? -2 nogil
+@cython.locals(row=i64, at=i64, place=i64, node=i64)
+cpdef int ask(
+    strategies.Strategies p, LegalMoves s, const i64[::1] games, const i64[::1] agents, const u8[::1] asked,
+    i64[::1] drawn, i64[::1] found
+) except -1 nogil
 cdef int block(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
 @cython.locals(row=i64)
 cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from array import array
 
-from gamms.core import draws, strategies
+from gamms.core import draws, routes, strategies
 from gamms.core.conflicts import Contests, MoveRequests, resolve
 from gamms.core.rules import AgentPaths, GameColumns
 
@@ -356,14 +356,53 @@ def set_out(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
 
 def node_by_steps(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> int:
     """Return the legal node that the strategy steps of an agent choose."""
-    row = game * games.agents + i
-    first = games.first_node[game]
-    m.by_steps.count = m.counts[row]  # type: ignore[union-attr] # there are some
-    for number in range(m.counts[row]):
-        m.by_steps.legal[number] = legal_node(m.streets, first, games.node[row], number)  # type: ignore[union-attr]
-    m.by_steps.drawn = 0  # type: ignore[union-attr]
-    node = strategies.act(m.by_steps, game, i)  # type: ignore[arg-type]
-    return node if node >= 0 else games.node[row]
+    m.by_steps.drawn = 0  # type: ignore[union-attr] # there are some
+    node = act(m.by_steps, m.streets, game, i)  # type: ignore[arg-type]
+    return node if node >= 0 else games.node[game * games.agents + i]
+
+
+def act(p: strategies.Strategies, s: LegalMoves, game: int, i: int) -> int:
+    """Return the legal node that the steps of an agent choose; -1: none."""
+    node = p.games.node[game * p.games.agents + i]
+    first = p.games.first_node[game]
+    p.count = count_legal(s, first + node)
+    for number in range(p.count):
+        p.legal[number] = legal_node(s, first, node, number)
+    return strategies.act(p, game, i)
+
+
+def ask(
+    p: strategies.Strategies,
+    s: LegalMoves,
+    games: memoryview[int],
+    agents: memoryview[int],
+    asked: memoryview[int],
+    drawn: memoryview[int],
+    found: memoryview[int],
+) -> int:
+    """Let agents of some games choose by their steps, without moving them.
+
+    Args:
+        p: the agents.
+        s: the legal moves.
+        games: the numbers of the games.
+        agents: the numbers of the agents.
+        asked: (games * agents,) 1: the agent is asked.
+        drawn: (games * agents,) how many numbers each has drawn in this turn; it is updated.
+        found: (games * agents,) receives the number of the legal node that each chooses, unless it chooses none.
+    """
+    row = 0
+    for at in range(len(games)):
+        strategies.begin(p, games[at])
+        for place in range(len(agents)):
+            if asked[row]:
+                p.drawn = drawn[row]
+                node = act(p, s, games[at], agents[place])
+                drawn[row] = p.drawn
+                if node >= 0:
+                    found[row] = routes.number_of(p.legal, 0, p.count, node)
+            row += 1
+    return 0
 
 
 def block(m: OneEdgeMovers, row: int, wanted: int) -> int:

@@ -13,7 +13,7 @@ from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns
 from gamms.deciding import DecidePhase
 from gamms.errors import GammsError
-from gamms.game.array_functions.given import OutsideActions, as_flights
+from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, TowardsInBatch, asked_view
 from gamms.game.block.channels import MessageTraffic, radio_of
@@ -112,7 +112,7 @@ class GamesOnOneMap:
         self.game = game
         self._own = own
         self.state = state
-        state.name_map(game)
+        state.take_game(game)
         roster = state.roster
         settings = game.settings()
         if settings["team_memory"]:
@@ -342,11 +342,11 @@ class GamesOnOneMap:
 
     def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
         """Return the actions of an array function; flying agents stay on the node below them."""
-        given = group.form(view)
+        name = getattr(group.form, "__name__", group.name) if view.flies else group.name
+        given: Any = view._call(group.form, name)
         if not view.flies:
-            return view._checked(given, group.name)
-        name = getattr(group.form, "__name__", group.name)
-        self._fly(view, as_flights(given, f"{name}: what an agent that flies does", view.node.shape))
+            return given  # type: ignore[no-any-return] # they are actions
+        self._fly(view, given)
         return np.zeros_like(view.node)
 
     def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:

@@ -169,6 +169,13 @@ class ArrayDraws(ShallowCopied):
         narrowed._among = self, asked
         return narrowed
 
+    def go_to(self, count: IntArray) -> None:
+        """Go on as if the agents had drawn some numbers of times in this turn."""
+        if self._among is not None:
+            self._among[0].go_to(count)
+        else:
+            self._count = count
+
     @property
     def count(self) -> IntArray | int:
         """The number of draws in this turn, for all agents or for each."""

@@ -15,7 +15,7 @@ from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType
 from gamms.game.array_functions.aims import Aims
-from gamms.game.array_functions.given import as_flights, flown
+from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.block.channels import MessageTraffic
@@ -161,7 +161,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     streets = world.movement.streets
     nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
     state = GameArrays(roster, world.movement, [ctx.seed], nodes)
-    state.name_map(game)
+    state.take_game(game)
     state.alive[0] = [agent.alive for agent in roster.agents]
     state.turn[0] = game.turn
     state.shared = world.shared
@@ -245,11 +245,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     if view._movement.acts_by_paths:
         view._aims = Aims(ctx.graph.graph, view._movement)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
-    given = function(view)
-    if view.flies:
-        given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)
-    else:
-        given = view._checked(given, name)
+    given = view._call(function, name)
     if block.kept:
         data[KEPT] = block.kept
     names = block.roster.names

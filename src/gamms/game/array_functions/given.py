@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.array_functions.view import ArrayView, as_actions
+from gamms.game.array_functions.view import ArrayView, as_actions, as_flights
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -108,17 +108,6 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
     return OutsideActions(moves, deeds, messages, flights)
-
-
-def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
-    """Return given flights as a checked array of these numbers of games and agents."""
-    flights = as_array(given, what, "numbers")
-    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
-        raise BadValue(
-            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
-            f"{flights.shape}."
-        )
-    return flights.astype(np.float64)
 
 
 def as_kept(moves: IntArray) -> IntArray:

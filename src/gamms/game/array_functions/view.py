@@ -23,7 +23,7 @@ from gamms.game.block.sensing import (
     seen_nodes,
 )
 from gamms.game.block.state import Arrays, GameArrays
-from gamms.game.block.strategy_steps import looks_of, make_looks
+from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_looks
 from gamms.game.block.vectors import (
     Encoder,
     RoadDistances,
@@ -41,11 +41,12 @@ from gamms.game.movement.noted_moves import Places
 from gamms.game.movement.roads import OpenRoads
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
+from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.readonly import ShallowCopied, locked
-from gamms.text import shown
+from gamms.text import as_code, shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns indices of legal nodes, array-like (games, agents); see docs/batches.md."""
@@ -252,6 +253,63 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         """Return a view of the same agents in some games of this view, by index, ascending."""
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
         return ArrayView(self._state, self.games[places], self.agents)
+
+    def ask(self, strategy: Callable[..., object]) -> Any:
+        """Return what another strategy chooses for the agents in the mask, which go on drawing where it has stopped.
+
+        Args:
+            strategy: an array strategy, for example of a policy; or one of `gamms.strategies`, for agents along one
+                edge a turn; or a function that makes it, such as `chase`.
+
+        Returns:
+            The actions, (games, agents), 0 for other agents and where the strategy chooses nothing; of agents that
+            fly, their offsets, (games, agents, 3).
+
+        Raises:
+            BadType: the strategy is called agent by agent.
+            BadValue: it looks for agents by sensors that err or look from the air, or the agents have speeds or fly.
+        """
+        name = as_code(strategy)
+        spec = strategy_spec_of(self._made(strategy))
+        if spec.array_form is not None:
+            return self._call(spec.array_form, name)
+        if spec.core_steps is None:
+            raise BadType(
+                f"view.ask needs an array strategy or one of gamms.strategies, not {name}, which is called agent by "
+                "agent: write it with @gamms.array_strategy."
+            )
+        self._refuse_to_ask(name, spec.core_steps)
+        state = self._state
+        key = "asked", spec.core_steps, self.agents.tobytes()
+        asked = kept_in(state.asked, key, lambda: AskedSteps(state, spec.core_steps or (), self.agents))
+        drawn = np.broadcast_to(self.draw.count, self.node.shape).astype(np.int64)
+        found: IntArray = asked.choose(self.games, self.mask, drawn)
+        self.draw.go_to(drawn)
+        return found
+
+    def _made(self, strategy: object) -> Any:
+        """Return a strategy, or the strategy that a function makes in the context of the map."""
+        state = self._state
+        if state.strategy_in is None:
+            return strategy
+        known: tuple[object, Any] | None = state.asked.get(id(strategy))
+        if known is None or known[0] is not strategy:
+            known = strategy, state.strategy_in(strategy)
+            state.asked[id(strategy)] = known
+        return known[1]
+
+    def _refuse_to_ask(self, name: str, steps: Sequence[CoreStep]) -> None:
+        """Refuse to let agents of the view decide by the steps of a strategy if the core cannot do that."""
+        state = self._state
+        if not state.movement.is_plain or self.flies:
+            raise BadValue(f"view.ask({name}) is for agents that move along one edge a turn.")
+        agents = [state.roster.agents[number] for number in self.agents.tolist()]
+        looks = any(step.kind in LOOKING for step in steps)
+        if looks and not (all(map(has_plain_looks, agents)) and not state.roster.flies.any()):
+            raise BadValue(
+                f"view.ask({name}) looks for agents: its own need sensors of agents that neither err nor report late, "
+                "and no agent of the game flies."
+            )
 
     def do(self, deed: str, where: Any, /, **fields: object) -> None:
         """Make agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds keep the order of the calls.
@@ -524,6 +582,13 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         """
         return self._state.keep(key, make)
 
+    def _call(self, form: ArrayStrategy, name: str) -> Any:
+        """Return the checked result of an array strategy: actions, (games, agents), or offsets of agents that fly."""
+        given = form(self)
+        if not self.flies:
+            return self._checked(given, name)
+        return as_flights(given, f"{name}: what an agent that flies does", self.node.shape)
+
     def _checked(self, given: object, by: str) -> IntArray:
         """Return actions as integers (games, agents), 0 for dead agents.
 
@@ -548,6 +613,17 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
                 f"{self.counts[game, agent]}, numbered from 0."
             )
         return chosen
+
+
+def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
+    """Return given flights as a checked array of these numbers of games and agents."""
+    flights = as_array(given, what, "numbers")
+    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
+        raise BadValue(
+            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
+            f"{flights.shape}."
+        )
+    return flights.astype(np.float64)
 
 
 def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:

@@ -21,6 +21,7 @@ from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
+    StepPaths,
     StrategySteps,
     always_act,
     can_read,
@@ -1081,7 +1082,7 @@ class CoreGames:
         given = memory_of(block.given)
         contests, requests = self._conflicting()
         if self._by_steps is None and any(self._steps):
-            self._by_steps = StrategySteps(state, self._steps)
+            self._by_steps = StrategySteps(state, self._steps, StepPaths(state))
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
         routes = None if self.courses is None else self.courses.routes.core
         of_movers = {**shared, "by_steps": by_steps, "routes": routes}

@@ -33,6 +33,7 @@ from gamms.plain import MOST_WHOLE
 from gamms.progress import TurnInterrupted
 from gamms.readonly import locked
 from gamms.text import shown
+from gamms.typing.actions import strategy_in
 
 _MOST_EXACT = 1 << 53  # scores are floats in columns
 READ = "events"  # with the name of a reader the key of the numbers of events that it has read in each game
@@ -499,8 +500,10 @@ class GameArrays(BatchColumns):
         unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
         facts: the facts that rules have published, by name.
         shared: data computed once for all games, by key; independent of the state.
+        asked: decisions by the steps of strategies that views have asked, by strategy and agents.
         searches: find the agents that plain sensors show, by the names of the sensors.
         now: data computed from the current state, by key; cleared when the state changes.
+        strategy_in: returns a strategy, or the strategy that a function makes; see `typing.actions.strategy_in`.
         map_number, map_spec: the number of the map among those of the batch, and its entry; see `GameInternals`.
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
@@ -534,6 +537,7 @@ class GameArrays(BatchColumns):
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.searches: dict[Hashable, observe.AgentSearch] = {}
+        self.asked: dict[Hashable, Any] = {}
         self.noted_moves: NotedMoves | None = None
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
@@ -546,6 +550,7 @@ class GameArrays(BatchColumns):
         self.tell: Callable[[Failure], None] = _tell_nobody
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
+        self.strategy_in: Callable[[object], Any] | None = None
         self.map_number = 0
         self.map_spec: Any = None
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
@@ -559,8 +564,9 @@ class GameArrays(BatchColumns):
     def __len__(self) -> int:
         return len(self.seeds)
 
-    def name_map(self, game: PlayedGame) -> None:
-        """Note the number and the entry of the map, which are those of a game on it."""
+    def take_game(self, game: PlayedGame) -> None:
+        """Note a game on the map: its number among the maps, its entry, and the context that makes strategies."""
+        self.strategy_in = partial(strategy_in, game.ctx)
         self.map_number = game.internals.map_number
         self.map_spec = game.internals.map_spec
 

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.core import rules, sight, strategies
+from gamms.core import moves, rules, sight, strategies
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable
+from gamms.game.block.columns import AgentTable, kept_in
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.routes import PathTables
 from gamms.game.strategy_specs import CoreStep
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
@@ -136,19 +137,54 @@ def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tup
         return None
 
 
+class StepPaths:
+    """The shortest paths that strategies ask for, in tables of each thread.
+
+    Args:
+        state: the state of all games.
+    """
+
+    def __init__(self, state: GameArrays) -> None:
+        self._roads = state.roads
+        self._ids = state.streets.columns.node_ids
+        self._tables: list[PathTables] = []  # of each thread
+        self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
+
+    def of_thread(self, thread: int) -> PathTables:
+        """Return the tables for the thread of this number, at most the number of threads so far."""
+        if thread == len(self._tables):
+            self._tables.append(PathTables(self._ids, self._arcs()))
+        return self._tables[thread]
+
+    def take_roads(self, tables: RoadTables) -> None:
+        """Set the open roads of each game."""
+        if tables.maps is self._maps:
+            return
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        arcs = self._arcs()
+        for known in self._tables:
+            known.take(arcs, moved)
+
+    def _arcs(self) -> tuple[Any, Any, Any]:
+        return self._roads.arcs_of(self._maps, "length", reverse=True)
+
+
 class StrategySteps:
     """Columns of the steps of strategies, which all threads of a batch share.
 
     Args:
         state: the state of all games.
         steps: the steps of each agent, in the order of the roster; empty for an agent without steps.
+        paths: shortest paths.
 
     Attributes:
         memory: (columns, games, agents) the memories of agents; see `take_memories`.
     """
 
-    def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
+    def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]], paths: StepPaths) -> None:
         self._state = state
+        self._paths = paths
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
@@ -162,8 +198,6 @@ class StrategySteps:
         for key in self._remembered:
             self._kept(key)
         self.memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
-        self._ways: list[PathTables] = []  # of each thread
-        self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
         rows = self._state.streets.rows
@@ -196,13 +230,10 @@ class StrategySteps:
 
     def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
         """Return the strategies for the thread of this number."""
-        if thread == len(self._ways):
-            arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
-            self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs))
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self.memory.reshape(-1).data
         xy = flat(self._state.streets.columns.xy, np.float64)
-        ways = self._ways[thread].core
+        ways = self._paths.of_thread(thread).core
         team = self._state.roster.team_of
         seen = flat(np.zeros(len(team)), np.int64)
         by_x = sight.AgentsByX(len(team), *self._agents, flat(team, np.int64), seen)
@@ -233,11 +264,79 @@ class StrategySteps:
 
     def take_roads(self, tables: RoadTables) -> None:
         """Set the open roads of each game for the search of paths."""
-        moved = tables.moved(self._maps)
-        self._maps = tables.maps
-        arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
-        for known in self._ways:
-            known.take(arcs, moved)
+        self._paths.take_roads(tables)
+
+
+class AskedSteps:
+    """Decisions of some agents of all games by the steps of a strategy that is not their own, along one edge a turn.
+
+    Args:
+        state: the state of all games.
+        steps: the steps of the strategy.
+        agents: the numbers of the agents in the roster.
+    """
+
+    def __init__(self, state: GameArrays, steps: Sequence[CoreStep], agents: IntArray) -> None:
+        self._state = state
+        self._agents = flat(agents, np.int64)
+        roster = state.roster
+        of_agent: list[Sequence[CoreStep]] = [()] * len(roster.names)
+        for number in agents.tolist():
+            of_agent[number] = steps
+        paths = kept_in(state.shared, "paths of asked strategies", lambda: StepPaths(state))
+        self._steps = StrategySteps(state, of_agent, paths)
+        self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
+        self._tables: RoadTables | None = None  # once a rule has closed roads
+        self._streets = state.streets.core
+        unread: Any = flat(np.zeros(0), np.int64)
+        games = rules.GameColumns(
+            len(roster.names),
+            len(roster.teams),
+            node=state.node.reshape(-1).data,
+            alive=state.alive.view(np.uint8).reshape(-1).data,
+            turn=state.turn.data,
+            start=unread,
+            previous=unread,
+            placed=flat(unread, np.uint8),
+            stops=unread,
+            home=unread,
+            over=flat(unread, np.uint8),
+            score=flat(unread, np.float64),
+            team=flat(roster.team_of, np.int64),
+            plays=flat(unread, np.uint8),
+            first_node=self._first_node.data,
+            nobody=roster.nobody,
+        )
+        self._core = self._steps.of_thread(games, 0)
+
+    def choose(self, games: IntArray, asked: BoolArray, drawn: IntArray) -> IntArray:
+        """Return the chosen numbers of legal nodes, (games, agents); 0, to stay, where the steps choose nothing.
+
+        Args:
+            games: the numbers of the games.
+            asked: a mask of the agents to decide for, (games, agents).
+            drawn: (games, agents) how many numbers each has drawn in this turn; it is updated.
+        """
+        roads = self._state.roads
+        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+            self._tables = roads.tables
+            self._first_node[:] = roads.tables.first
+            self._steps.take_roads(roads.tables)
+            self._streets = moves.LegalMoves(flat(roads.tables.offsets, np.int32), flat(roads.tables.targets, np.int32))
+        found = np.zeros(asked.shape, np.int64)
+        self._steps.take_memories(games)
+        numbers = flat(games, np.int64)
+        moves.ask(
+            self._core,
+            self._streets,
+            numbers,
+            self._agents,
+            flat(asked, np.uint8),
+            flat(drawn, np.int64),
+            flat(found, np.int64),
+        )
+        self._steps.give_memories(games)
+        return found
 
 
 def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
