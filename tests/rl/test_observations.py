@@ -57,6 +57,39 @@ def test_a_graph_has_the_nodes_and_edges_of_the_map():
     env.close()
 
 
+def test_padded_graphs_have_one_shape_and_the_edges_of_each_map():
+    maps = [{"grid": {"width": width, "height": height}} for width, height in ((5, 4), (2, 3), (7, 3))]
+    observe = rl.graph(nodes=23)
+    env = rl.vector_env(scene(), num_games=12, team="red", maps=maps, observation=observe)
+    observed, _ = env.reset(seed=1)
+    values = observed["observation"]
+    assert values.shape == (24, 23, len(observe.names))
+    of_rows = np.repeat(env.unwrapped.learners.games.maps, 2)
+    assert {*of_rows.tolist()} == {0, 1, 2}
+    found = observe.data(values, of_rows)
+    assert found["x"].shape == (24 * 23, 6)
+    sources, targets = found["edge_index"]
+    assert (found["batch"][sources] == found["batch"][targets]).all()
+    for row, number in enumerate(of_rows.tolist()):
+        own = rl.graph()
+        alone = rl.vector_env(scene().replace(map=maps[number]), num_games=1, team="red", observation=own)
+        alone.reset(seed=1)
+        assert np.array_equal(observe.edges_of(number), own.edge_index)
+        is_own = found["batch"][sources] == row
+        assert np.array_equal(found["edge_index"][:, is_own] - 23 * row, own.edge_index)
+        size = maps[number]["grid"]["width"] * maps[number]["grid"]["height"]
+        assert not values[row, size:].any()
+        assert values[row, :size, 2].sum() == 1
+        one = observe.data(values[row], number)
+        assert np.array_equal(one["edge_index"], own.edge_index)
+        alone.close()
+    with pytest.raises(BadValue, match="The edges of map 3 are known when it was observed"):
+        observe.data(values[:1], 3)
+    with pytest.raises(BadValue, match=r"rl.graph\(nodes=19\) has no room for map \d, which has 2\d nodes"):
+        rl.vector_env(scene(), num_games=12, team="red", maps=maps, observation=rl.graph(nodes=19))
+    env.close()
+
+
 @pytest.mark.parametrize("make", [lambda: rl.neighbourhood(2), rl.graph])
 def test_a_strategy_that_observes_nodes_plays_the_same_games_alone(make):
     observe = make()

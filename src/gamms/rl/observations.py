@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_count
+from gamms.arguments import as_array, as_count
 from gamms.core import observe
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.view import ArrayView, observers_in, views_by_map
@@ -19,6 +19,7 @@ from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.learners import Float32Array
+from gamms.text import shown
 
 NEAR = ("is_there", "dx", "dy", "hops", "action", "mates", "enemies")
 """The entries of each node of `neighbourhood`."""
@@ -80,6 +81,9 @@ class Neighbourhood:
 class MapGraph:
     """The whole map as each agent knows it, (games, agents, nodes, entries); made by `graph`.
 
+    Args:
+        nodes: the number of nodes in observations; None: that of the map.
+
     Attributes:
         names: the names of the entries.
     """
@@ -87,8 +91,9 @@ class MapGraph:
     names = NODE
     of_each = True
 
-    def __init__(self) -> None:
-        self._edges: IntArray | None = None
+    def __init__(self, nodes: int | None = None) -> None:
+        self._nodes = nodes
+        self._edges: dict[int, IntArray] = {}  # by the number of the map, in the order of the last observations
 
     @property
     def edge_index(self) -> IntArray:
@@ -97,44 +102,68 @@ class MapGraph:
         Raises:
             BadValue: nothing was observed yet.
         """
-        if self._edges is None:
-            raise BadValue("The edges of the map are known when it was observed: reset the environment first.")
-        return self._edges
+        return self.edges_of(next(reversed(self._edges), 0))
+
+    def edges_of(self, map: int) -> IntArray:
+        """Return the edges of a map by its number, as in `games.maps`, (2, edges): rows of sources and of targets.
+
+        Raises:
+            BadValue: the map was not observed yet.
+        """
+        if map not in self._edges:
+            raise BadValue(
+                f"The edges of map {shown(map)} are known when it was observed: reset the environment first, with "
+                "games on this map."
+            )
+        return self._edges[map]
 
     def __call__(self, view: ArrayView) -> Float32Array:
-        """Return the entries of all nodes."""
+        """Return the entries of all nodes.
+
+        Raises:
+            BadValue: the map has more nodes than the observation.
+        """
         streets = view.streets
         games, agents = view.node.shape
         columns = (streets.whole if isinstance(streets, MultiMapStreets) else streets).columns
-        self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
-        nodes = len(columns.node_ids)
+        count = len(columns.node_ids)
+        nodes = count if self._nodes is None else self._nodes
+        if count > nodes:
+            raise BadValue(f"rl.graph(nodes={nodes}) has no room for map {view.map}, which has {count} nodes.")
+        self._edges.pop(view.map, None)
+        self._edges[view.map] = np.stack((columns.sources, columns.targets)).astype(np.int64)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")
-        none = np.zeros((nodes, 0), np.int64)
-        return _observed(view, 0, none, none, _places(view.streets))
+        none = np.zeros((count, 0), np.int64)
+        found = _observed(view, 0, none, none, _places(view.streets))
+        return np.pad(found, ((0, 0), (0, 0), (0, nodes - count), (0, 0))) if nodes > count else found
 
-    def data(self, observation: Float32Array) -> dict[str, Float32Array | IntArray]:
+    def data(self, observation: Float32Array, maps: IntArray | None = None) -> dict[str, Float32Array | IntArray]:
         """Return graphs for PyTorch Geometric: `Data(**graph.data(observation))`, after `torch.as_tensor`.
 
         Args:
             observation: the observation of one agent, (nodes, entries), or of several, (rows, nodes, entries).
+            maps: the number of the map of each row, (rows,), or of the one agent; None: all are on the map that was
+                observed last.
 
         Returns:
             `x` (nodes, entries) and `edge_index` (2, edges), concatenated over the rows; for several rows also `batch`,
             (nodes,), the row of each node.
+
+        Raises:
+            BadValue: a map was not observed yet.
         """
         values = np.asarray(observation, np.float32)
-        edges = self.edge_index
-        nodes = values.shape[-2]
-        if values.ndim == 2:
-            return {"x": values, "edge_index": edges}
-        values = values.reshape(-1, nodes, values.shape[-1])
-        rows = np.arange(len(values))
-        moved = edges[:, None, :] + (rows * nodes)[None, :, None]
-        return {
-            "x": values.reshape(-1, values.shape[-1]),
-            "edge_index": moved.reshape(2, -1),
-            "batch": np.repeat(rows, nodes),
-        }
+        nodes, entries = values.shape[-2:]
+        rows = values.reshape(-1, nodes, entries)
+        if maps is None:
+            moved = self.edge_index[:, None, :] + (np.arange(len(rows)) * nodes)[None, :, None]
+            edges = moved.reshape(2, -1)
+        else:
+            numbers = np.broadcast_to(as_array(maps, "maps", "integers"), len(rows)).tolist()
+            each = [self.edges_of(map) + row * nodes for row, map in enumerate(numbers)]
+            edges = np.concatenate(each, axis=1) if each else np.zeros((2, 0), np.int64)
+        found: dict[str, Float32Array | IntArray] = {"x": rows.reshape(-1, entries), "edge_index": edges}
+        return found if values.ndim == 2 else {**found, "batch": np.repeat(np.arange(len(rows)), nodes)}
 
 
 def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
@@ -156,13 +185,22 @@ def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
     return Neighbourhood(as_count(hops, "hops"), None if nodes is None else as_count(nodes, "nodes"))
 
 
-def graph() -> MapGraph:
+def graph(nodes: int | None = None) -> MapGraph:
     """Return an observation of all nodes of the map, (nodes, entries), for graph networks.
 
     The entries are `NODE`; for agents that are out, all are 0. `edge_index` has the edges, and `data` converts
     observations to graphs for PyTorch Geometric.
+
+    Args:
+        nodes: the number of nodes in observations, so that those of several maps have one shape: the rows behind the
+            nodes of a map are 0, and have no edges. None: that of the map.
+
+    Raises:
+        BadType, BadValue: the argument is not a positive integer.
     """
-    return MapGraph()
+    if isinstance(nodes, ArrayView):
+        raise BadType("observation=rl.graph makes an observation: call it, rl.graph().")
+    return MapGraph(None if nodes is None else as_count(nodes, "nodes"))
 
 
 def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArray]:
