@@ -7,8 +7,9 @@ several agents in one game) and `gym_envs.py` (Gymnasium: one agent, or many gam
 plays many games in several processes. `interface.py` has the common parts of environments: spaces, pictures and copies.
 `turns.py` has turns for rewards and for copies, `heads.py` decodes actions, `deeds.py` lists declared deeds, `sb3.py`
 is for Stable-Baselines3, `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves
-and plays trained policies, and `networks.py` evaluates them. `environments.py` has the functions that users call,
-`ids.py` the names for `gymnasium.make`. A client of scenarios and batches: May import: `scenario` and below. To add an
+and plays trained policies, and `networks.py` computes their answers. `evaluation.py` compares strategies on maps against
+opponents. `environments.py` has the functions that users call,
+`ids.py` the names for `gymnasium.make`. A client of scenarios, batches and experiments: May import: `experiment` and below. To add an
 observation or a reward write a function of arrays: see docs/learning.md.
 """
 
@@ -16,6 +17,7 @@ from importlib.util import find_spec
 
 from gamms.errors import suggest_names as _suggest_names
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
+from gamms.rl.evaluation import Evaluation, evaluate
 from gamms.rl.learners import Learners, Observation, Reward, default_observation, straight_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
@@ -23,11 +25,13 @@ from gamms.rl.policies import policy, save_policy
 from gamms.rl.turns import Turn
 
 __all__ = [
+    "Evaluation",
     "Learners",
     "Observation",
     "Reward",
     "Turn",
     "default_observation",
+    "evaluate",
     "graph",
     "neighbourhood",
     "parallel_env",

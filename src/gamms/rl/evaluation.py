@@ -1,0 +1,173 @@
+"""Evaluation: strategies of a team on many maps, against many opponents, between a reference and exact play."""
+
+import os
+from collections.abc import Hashable, Iterable, Mapping
+from statistics import fmean
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.arguments import as_count, as_known, as_mapping
+from gamms.errors import BadValue, Duplicate
+from gamms.experiment import Rows, Table, run
+from gamms.scenario import Scenario
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+EXACT = "exact"
+"""The name of exact play among the strategies."""
+_ALL = "all maps"
+
+
+class Evaluation:
+    """The games of `evaluate`; it prints as its table.
+
+    Args:
+        rows: the rows of the games.
+        team: the team whose strategies are compared.
+        metric: what counts: `wins.<team>`, or a column of numbers.
+        reference: the name of the strategy for which `gap_closed` is 0.
+
+    Attributes:
+        rows, team, metric, reference: see the arguments.
+    """
+
+    def __init__(self, rows: Rows, team: Hashable, metric: str, reference: str) -> None:
+        self.rows = rows
+        self.team = team
+        self.metric = metric
+        self.reference = reference
+
+    def __str__(self) -> str:
+        return str(self.table())
+
+    def table(self, *, confidence: float = 0.95) -> Table:
+        """Return a row for each map, opponent and strategy, and means over all maps.
+
+        Columns: those of `Rows.summary`, where rates of wins have Wilson intervals; and `gap_closed`, the share of the
+        gap between the reference and exact play that the strategy closes, if exact play was evaluated: it is missing
+        where exact play is not better than the reference.
+
+        Args:
+            confidence: the confidence level of the intervals.
+
+        Raises:
+            MissingExtra (ImportError): SciPy is not installed.
+        """
+        found = self._rows_by(self.rows.keys, confidence)
+        if "map" in self.rows.keys:
+            others = [key for key in self.rows.keys if key != "map"]
+            found += [{"map": _ALL, **row} for row in self._rows_by(others, confidence)]
+        return Table.of(found)
+
+    def _rows_by(self, keys: Iterable[str], confidence: float) -> list[dict[str, Any]]:
+        """Return the rows of the table for each combination of values of these keys."""
+        own = f"strategies.{self.team}"
+        columns = self.rows.summary(list(keys), [self.metric], confidence=confidence)
+        rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*map(list, columns.values()), strict=True)]
+        means = {(*(row[key] for key in keys if key != own), row[own]): row["mean"] for row in rows}
+        if not any(row[own] == EXACT for row in rows):
+            return rows
+        for row in rows:
+            setting = tuple(row[key] for key in keys if key != own)
+            least, most = means[(*setting, self.reference)], means[(*setting, EXACT)]
+            row["gap_closed"] = (row["mean"] - least) / (most - least) if most > least else np.nan
+        return rows
+
+    def gap_closed(self, strategy: str) -> float:
+        """Return the mean of `gap_closed` of a strategy over maps and opponents, where exact play is better.
+
+        Raises:
+            UnknownName (KeyError): there is no such strategy.
+            BadValue: exact play was not evaluated, or is nowhere better than the reference.
+        """
+        own = f"strategies.{self.team}"
+        rows = self._rows_by(self.rows.keys, 0.95)
+        as_known(strategy, "strategy", dict.fromkeys(row[own] for row in rows))
+        shares = [row.get("gap_closed", np.nan) for row in rows if row[own] == strategy]
+        known = [float(share) for share in shares if np.isfinite(share)]
+        if not known:
+            raise BadValue("There is no gap to close: evaluate exact=… on maps where it beats the reference.")
+        return fmean(known)
+
+    def plot(self, ax: "Axes | None" = None) -> "Axes":
+        """Draw the metric by map, or by strategy on one map, with intervals of 95 %; return the axes.
+
+        Raises:
+            MissingExtra (ImportError): matplotlib or SciPy is not installed.
+        """
+        own = f"strategies.{self.team}"
+        return self.rows.plot("map" if "map" in self.rows.keys else own, self.metric, own, ax)
+
+
+def evaluate(  # noqa: PLR0913 - each option is independent of the others
+    scenario: Scenario,
+    strategies: Mapping[str, Any],
+    *,
+    team: Hashable,
+    opponents: Mapping[Any, Any] | None = None,
+    maps: Mapping[str, Any] | Iterable[Any] | None = None,
+    games: int = 100,
+    seed: int = 0,
+    exact: object = None,
+    reference: str | None = None,
+    metric: str | None = None,
+    out: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+) -> Evaluation:
+    """Play each strategy of a team against each opponent on each map, by `experiment.run`.
+
+    Rows, folders that go on, and digests are those of the experiment: `evaluation.rows` has them. (`solve.evaluate`
+    evaluates a strategy against the worst opponent.)
+
+    Args:
+        scenario: the scenario.
+        strategies: name -> strategy of the team, or a function of the context that makes it.
+        team: the team.
+        opponents: name -> strategy of the other team, or team -> such a mapping; None: those of the scenario.
+        maps: name -> map, or maps that are named by their numbers, each as under `map` in a scenario; None: that of the
+            scenario.
+        games: the number of games of each combination, with the seeds `seed`, `seed + 1`, …
+        seed: the first seed.
+        exact: the strategy of the team, or a function of the context that makes it, that plays exactly, such as
+            `lambda ctx: solve.pursuit(ctx.graph).strategy("pursuers")`; None: there is none.
+        reference: the name of the strategy for which `gap_closed` is 0; None: the first one.
+        metric: `wins.<team>`, or a column of numbers; None: `wins.` of the team.
+        out: a folder that keeps the rows; an interrupted evaluation continues there.
+        workers: the number of worker processes; None: play in this process.
+
+    Raises:
+        UnknownName (KeyError): the team, or the reference, does not exist.
+        BadType, BadValue, ScenarioError: see `experiment.run`.
+    """
+    teams = list(scenario.spec.teams)
+    as_known(team, "team", teams)
+    compared = dict(as_mapping(strategies, "strategies"))
+    if not compared:
+        raise BadValue("strategies is empty: give at least one, name -> strategy.")
+    lowest = next(iter(compared)) if reference is None else as_known(reference, "strategy", compared)
+    if exact is not None and EXACT in compared:
+        raise Duplicate("a strategy", EXACT)
+    vary: dict[str, Any] = {}
+    if maps is not None:
+        vary["map"] = dict(maps) if isinstance(maps, Mapping) else {str(number): one for number, one in enumerate(maps)}
+    vary[f"strategies.{team}"] = {**compared, **({} if exact is None else {EXACT: exact})}
+    for other, known in _by_team(opponents or {}, [one for one in teams if one != team]).items():
+        vary[f"strategies.{other}"] = known
+    seeds = range(seed, seed + as_count(games, "games"))
+    rows = run(scenario, seeds, vary, out=out, workers=workers)
+    return Evaluation(rows, team, f"wins.{team}" if metric is None else metric, lowest)
+
+
+def _by_team(opponents: Mapping[Any, Any], others: list[Any]) -> Mapping[Any, Any]:
+    """Return the opponents as team -> name -> strategy."""
+    known = as_mapping(opponents, "opponents")
+    if all(isinstance(one, Mapping) for one in known.values()):
+        for team in known:
+            as_known(team, "opposing team", others)
+        return known
+    if len(others) != 1:
+        raise BadValue(f"opponents are for one team: with {shown(others)}, give {{team: {{name: strategy}}}}.")
+    return {others[0]: known}
