@@ -7,10 +7,10 @@ several agents in one game) and `gym_envs.py` (Gymnasium: one agent, or many gam
 plays many games in several processes. `interface.py` has the common parts of environments: spaces, pictures and copies.
 `turns.py` has turns for rewards and for copies, `heads.py` decodes actions, `deeds.py` lists declared deeds, `sb3.py`
 is for Stable-Baselines3, `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves
-and plays trained policies, and `networks.py` computes their answers. `evaluation.py` compares strategies on maps against
-opponents. `environments.py` has the functions that users call,
-`ids.py` the names for `gymnasium.make`. A client of scenarios, batches and experiments: May import: `experiment` and below. To add an
-observation or a reward write a function of arrays: see docs/learning.md.
+and plays trained policies, and `networks.py` computes their answers. `evaluation.py` compares strategies on maps
+against opponents. `environments.py` has the functions that users call, `ids.py` the names for `gymnasium.make`. A
+client of scenarios, batches and experiments: May import: `experiment` and below. To add an observation or a reward
+write a function of arrays: see docs/learning.md.
 """
 
 from importlib.util import find_spec
