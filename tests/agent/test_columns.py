@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.core.agents import NodeNumbers, number_nodes
-from gamms.ir.agents import AgentBlock, speeds_of
+from gamms.ir.agents import AgentBlock, read_vector, speeds_of
 from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
 from gamms.ir.progress import Motion, Progress
-from gamms.ir.schema import BY_ROW
+from gamms.ir.schema import BY_ROW, VECTORS
 from gamms.strategies import random_walk
 from gamms.typing import IAgentEngine
 
@@ -93,8 +93,10 @@ def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
 
 def read(columns):
     """Name -> the values of a column as a list."""
-    lists = {name: [*getattr(columns, name)] for name in BY_ROW if name not in ("speed", "progress")}
-    progress = [columns.progress_of(row) for row in range(len(columns))]
+    lists = {name: [*getattr(columns, name)] for name in BY_ROW if name not in ("speed", "progress", *VECTORS)}
+    rows = range(len(columns))
+    progress = [columns.progress_of(row) for row in rows]
+    lists |= {name: [read_vector(columns, name, row) for row in rows] for name in VECTORS}
     return lists | {"speed": speeds_of(columns.games), "progress": progress}
 
 

@@ -153,6 +153,7 @@ PLAYED = {
         "by_metres",
         "conflicts",
         "contacts",
+        "flight",
         "messages",
         "moves",
         "observe",

@@ -537,7 +537,8 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def position(self) -> Position:
         """The position `(x, y, z)`; settable: the old position becomes `prev_position`, above `prev_node_id`."""
-        return self._block.position[self._row]  # type: ignore[return-value] # None only on the ground
+        position: Position = self._block.flights.position_of(self._row)
+        return position
 
     @position.setter
     def position(self, position: Position) -> None:
@@ -546,7 +547,8 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def prev_position(self) -> Position:
         """The position before the last move."""
-        return self._block.previous_position[self._row]  # type: ignore[return-value] # as above
+        position: Position = self._block.flights.previous_of(self._row)
+        return position
 
     @property
     def current_node_id(self) -> int:
@@ -561,7 +563,8 @@ class AerialAgent(BaseAgent, IAerialAgent):
     @property
     def quat(self) -> Quat:
         """The rotation `(w, x, y, z)` as a unit quaternion; settable, with any length."""
-        return self._block.quat[self._row]  # type: ignore[return-value] # as above
+        quat: Quat = self._block.flights.quat_of(self._row)
+        return quat
 
     @quat.setter
     def quat(self, quat: Quat) -> None:

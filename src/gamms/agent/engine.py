@@ -39,7 +39,7 @@ from gamms.core.copies import copied_values
 from gamms.deciding import ContextPart, Guarded, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
-from gamms.ir.agents import AgentBlock, Position
+from gamms.ir.agents import AgentBlock, Position, read_vector
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.journal import CLOSED, PLAIN, MutedJournal
 from gamms.ir.positions import Positions
@@ -419,7 +419,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def _more_of(self, row: int) -> dict[str, Any]:
         """Return the data that does not follow from the keywords of a new agent: rotation and position in the air."""
         block = self._block
-        more = {name: getattr(block, name)[row] for name in VECTORS}
+        more: dict[str, Any] = {name: read_vector(block, name, row) for name in VECTORS}
         if block.kind[row]:
             more["node"] = block.nearest(row)
         return {name: value for name, value in more.items() if value is not None}

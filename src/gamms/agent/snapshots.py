@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 from typing import Any
 
 from gamms.agent.agent import BaseAgent
@@ -85,11 +86,13 @@ class AgentsSnapshot:
     @cached_property
     def places(self) -> dict[str, Any]:
         """Name -> the node of the agent, or (x, y, z) of a flying agent."""
+        games = self.columns["games"]
         ids = self.columns["numbers"].ids
-        nodes = [ids[number] for number in self.columns["games"].row("node")]
-        positions = self.columns["position"]
-        places = zip(self.names, nodes, positions, strict=True)
-        return {name: node if position is None else position for name, node, position in places}
+        found = {name: ids[number] for name, number in zip(self.names, games.row("node"), strict=True)}
+        xyz = games.row("position").tolist()
+        for at, name in enumerate(compress(self.names, games.row("kind"))):
+            found[name] = tuple(xyz[3 * at : 3 * at + 3])
+        return found
 
     def has(self, name: str, agent: Any) -> bool:
         """Return whether an agent existed; `agent` may be its `UncreatedMembers`."""
@@ -122,7 +125,7 @@ class AgentsSnapshot:
                 place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
                 columns = {column.name: column.initial for column in PLACES}
                 columns |= {"node": node.id, "previous": node.id, "position": place, "previous_position": place}
-                columns |= {"quat": block.quat[row], "speed": speeds.get(name, speed_of(block, row))}
+                columns |= {"quat": block.flights.quat_of(row), "speed": speeds.get(name, speed_of(block, row))}
                 yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:

@@ -28,7 +28,7 @@ class BlockColumn(NamedTuple):
         name: the name of the column.
         code: the format of its numbers: `INT64`, "d" for floats, "?" for booleans.
         initial: the number in new rows.
-        axis: "agent", "team" or "game": the column has a row for each of them.
+        axis: "agent", "flyer" (an agent that flies), "team" or "game": the column has a row for each of them.
         width: the numbers in a row.
         is_copied: whether copies of a game keep the numbers; otherwise they start with the initial number.
     """
@@ -60,9 +60,9 @@ class Block:
     def __init__(self, columns: Sequence[BlockColumn], games: int = 1) -> None:
         self.columns = {one.name: one for one in columns}
         self.games = games
-        self.sizes = {"agent": 0, "team": 0, "game": 1}
+        self.sizes = {"agent": 0, "flyer": 0, "team": 0, "game": 1}
         self._own = [one.name for one in columns if not one.is_copied]
-        self._make_room({"agent": 1, "team": 1, "game": 1})
+        self._make_room({"agent": 1, "flyer": 0, "team": 1, "game": 1})
 
     def __getstate__(self) -> tuple[Any, ...]:
         """Return the attributes for copying and pickling."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from math import hypot
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -35,7 +36,7 @@ from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_fu
 from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.block.state import GameArrays, LeavesSharedContext
-from gamms.game.conflicts import refuse_unranked, unranked
+from gamms.game.conflicts import flat, refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
     acts_before_moves,
@@ -61,6 +62,7 @@ from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.progress import TurnInterrupted
 from gamms.text import as_code, shown
+from gamms.typing.actions import one_step
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import strategy_name
 
@@ -363,18 +365,28 @@ class GamesOnOneMap:
     def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
         """Set the displacements of the agents of a view, (games, agents, 3), limited by their speeds."""
         state = self.state
-        flights = self.state.flights
-        assert flights is not None  # noqa: S101 - these fly
         for at, i in np.argwhere(view.mask).tolist():
             game = int(view.games[at])
             agent = int(view.agents[i])
             try:
-                flights.fly(game, agent, offsets[at, i].tolist())
+                self._choose(game, agent, offsets[at, i].tolist())
             except GammsError as error:
                 turn = int(state.turn[game])
                 if self._is_strict:
                     raise IllegalAction(f"Agent {state.roster.name(agent)} in turn {turn}: {error}") from error
                 state.refuse(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+
+    def _choose(self, game: int, agent: int, offset: Sequence[float]) -> None:
+        """Choose the displacement of an agent, in map units, limited by its speed.
+
+        Raises:
+            BadValue: the position exceeds the range of floats.
+        """
+        flights = self.state.flights
+        assert flights is not None  # noqa: S101 - it flies
+        speed = self.state.roster.agents[agent].speed or 0.0
+        position = one_step(flights.position_of(agent, game), offset, min(hypot(*offset), speed))
+        flights.chosen.append((game, agent, position, None))
 
     def fly(self, games: IntArray, part: int) -> None:
         """Move the flying agents in a part of the turn, after the others have moved."""
@@ -382,12 +394,15 @@ class GamesOnOneMap:
         flights = self.state.flights
         nearest = self.game.ctx.graph.graph.nearest_node
         assert flights is not None  # noqa: S101 - some fly
-        those = flights.move(games, state.alive[games] & (self.core.part_of == part))
-        if not len(those[0]):
+        moves = state.alive[games] & (self.core.part_of == part)
+        flown = np.zeros(state.has_flown.size, np.int64)
+        flown = flown[: flights.move(flat(games, np.int64), memory_of(moves), moves.shape[1], flown.data)]
+        if not len(flown):
             return
-        pairs = those[0], np.searchsorted(flights.agents, those[1])
-        has_flown = flights.has_flown[pairs]
-        below = nearest(*flights.position[pairs][:, :2].T)
+        pairs = np.divmod(flown, len(state.flyers))
+        those = pairs[0], state.flyers[pairs[1]]
+        has_flown = state.has_flown[pairs]
+        below = nearest(*state.position[pairs][:, :2].T)
         state.previous[those] = state.node[those]
         state.node[those] = state.streets.rows(below)
         state.counts["moves"][those] += has_flown
@@ -490,8 +505,8 @@ class GamesOnOneMap:
         fell = lived & ~self.state.alive[games]
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
         if self.state.flights is not None:
-            are_put = self.state.node[games] != self._block.start[games]
-            self.state.flights.cancel(games, self.core.part_of == part, are_put)
+            are_put = (self.state.node[games] != self._block.start[games]) & (self.core.part_of == part)
+            self.state.flights.cancel(flat(games, np.int64), memory_of(are_put), are_put.shape[1])
         are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
         return games[np.array(are_other, np.bool_)]
 
@@ -965,7 +980,7 @@ class BatchEngine(TurnDriver):
         """Forget the choices of the last turn."""
         now = self._now
         if self._state.flights is not None:
-            self._state.flights.forget_choices()
+            self._state.flights.chosen.clear()
         self._state.turning.clear()
         now.first = self._block.part.copy()
         now.begun = self._state.turn * self._num_parts
@@ -1108,8 +1123,8 @@ class BatchEngine(TurnDriver):
             IllegalAction: an action is illegal, and `on_illegal` is "raise".
         """
         if self._state.flights is not None and not is_later:
-            members = self._maps[0].core.part_of == part
-            self._state.flights.set_out(np.flatnonzero(playing), members, is_first=part == 0)
+            members = (self._maps[0].core.part_of == part) | (part == 0)
+            self._state.flights.set_out(flat(np.flatnonzero(playing), np.int64), memory_of(members))
         flaws = self._admit(part)
         turns = self._state.turn.copy()
         if self._deed_log is not None and not is_later:
@@ -1406,10 +1421,9 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games:
     xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
     antennas = xyz + ANTENNA
     if state.flights is not None:
-        agents = state.flights.agents
-        in_air = state.flights.position[games]
-        xyz[:, agents] = in_air
-        antennas[:, agents] = in_air
+        in_air = state.position[games]
+        xyz[:, state.flyers] = in_air
+        antennas[:, state.flyers] = in_air
 
     def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
         found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops

@@ -330,8 +330,8 @@ class TurnEngine(GameTurn):
         state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
         if slot.flies:
-            state["curr_pos"] = block.position[row]
-            state["quat"] = block.quat[row]
+            state["curr_pos"] = block.flights.position_of(row)
+            state["quat"] = block.flights.quat_of(row)
         else:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
@@ -769,7 +769,7 @@ class TurnEngine(GameTurn):
             if action.heading != ():
                 block.set(slot.row, "heading", action.heading)
             if slot.flies:
-                slot.counts["moves"] += action.position not in (None, block.position[slot.row])
+                slot.counts["moves"] += action.position not in (None, block.flights.position_of(slot.row))
                 if action.position is not None:
                     block.fly(slot.row, action.position)
                 if action.quat is not None:

@@ -18,6 +18,7 @@ import numpy as np
 from gamms.core import strategies
 from gamms.core.agents import AgentColumns, MoveColumns, NodeNumbers
 from gamms.core.block import INT64, Block
+from gamms.core.flight import Flights
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
 from gamms.ir.graph import FloatArray, IntArray, NodeFinder
@@ -28,8 +29,6 @@ from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLAC
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
-Pose = tuple[Position | None, Position | None, Quat | None]  # position, previous position, rotation
-
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # time of the turn, from 0 to 1 -> position on an edge; None: on the node
 
@@ -39,10 +38,13 @@ _SHOWN = [name for name in _NUMBERS if name not in AgentColumns.__slots__]
 _LISTS = [name for name in BY_ROW if name not in _NUMBERS and not _COLUMNS[name].numbers]
 _PLACES = [column.name for column in PLACES if column.name in _LISTS]
 _STRUCTURE = [name for name in _LISTS if name not in _PLACES]
+_IN_AIR = [column.name for column in IN_GAMES if column.axis == "flyer"]
 _OF_NODES = ("node", "previous")  # the columns with numbers of nodes
 _OF_PROGRESS = [column.name for column in _COLUMNS["progress"].numbers]
 _MOTIONS = tuple(Motion)
 _EMPTY = Block(IN_GAMES)  # a game without agents
+_NO_NUMBERS: memoryview[Any] = memoryview(array("d"))
+_NO_FLIGHTS = Flights(memoryview(array(INT64)), _NO_NUMBERS, _NO_NUMBERS, _NO_NUMBERS)
 
 
 class AgentBlock(AgentColumns):
@@ -62,8 +64,7 @@ class AgentBlock(AgentColumns):
         kind: 0 on the ground, 1 flying: the values of `AgentType`.
         node, previous: numbers of nodes; for a flying agent the nearest nodes below.
         heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
-        position, previous_position: `(x, y, z)` of flying agents, map units; None on the ground.
-        quat: unit quaternion `(w, x, y, z)` of flying agents; None on the ground.
+        flights: the positions, previous positions and rotations of flying agents.
         speed: map units per step for flying agents; on the ground the limit of the turn engine, NaN for one edge. See
             `speed_of`.
         has_int_speed: whether the speed was set to an integer, and is read as one.
@@ -89,7 +90,7 @@ class AgentBlock(AgentColumns):
 
     __slots__ = (
         *(name for name in (*_LISTS, *_NUMBERS) if name not in AgentColumns.__slots__),
-        *("_logs", "_located_revision", "_unlocated", "flyers", "games"),
+        *("_logs", "_located_revision", "_unlocated", "flights", "flyers", "games"),
         *("graph", "has_teams", "inactive", "placed", "removed", "rows", "structure", "team_rows"),
         "trusts_nodes",
     )
@@ -98,9 +99,6 @@ class AgentBlock(AgentColumns):
     teams: list[Any]
     kind: memoryview[int]
     heading: list[tuple[float, float] | None]
-    position: list[Position | None]
-    previous_position: list[Position | None]
-    quat: list[Quat | None]
     speed: memoryview[float]
     has_int_speed: memoryview[bool]
     source: memoryview[int]
@@ -116,10 +114,10 @@ class AgentBlock(AgentColumns):
         for name in _LISTS:
             setattr(self, name, [])
         self.games = _EMPTY.copied()  # NOTE: half of the time of a new block (w9 fork)
+        self.flyers: list[int] = []
         self._show()
         self.has_teams = False
         self.team_rows: dict[Any, int] = {}
-        self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.placed: set[int] = set()
         self.travellers: set[int] = set()
@@ -141,14 +139,25 @@ class AgentBlock(AgentColumns):
         """Return copies of columns; number columns as arrays, with NaN for None."""
         columns: dict[str, Any] = {}
         for name in names:
-            column = getattr(self, name)
             of = _COLUMNS[name]
+            if name in _IN_AIR:
+                columns[name] = np.full((len(self), *of.shape), nan)
+                columns[name][self.flyers] = np.asarray(self.games.row(name)).reshape(-1, *of.shape)
+                continue
+            column = getattr(self, name)
             if name in _OF_NODES:
                 column = self.ids_of(column)
             if of.shape:
-                column = [one or (np.nan,) * of.shape[0] for one in column]
+                column = [one or (nan,) * of.shape[0] for one in column]
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
         return columns
+
+    def _numbers_in_air(self, name: str, row: int) -> memoryview[float]:
+        """Return the numbers of an agent in a column of flying agents; none if it does not fly."""
+        at = bisect_left(self.flyers, row)
+        flies = self.flyers[at : at + 1] == [row]
+        width = _COLUMNS[name].shape[0]
+        return self.games.row(name)[at * width : (at + flies) * width]
 
     def _show(self) -> None:
         """Set the number columns to views of the present agents."""
@@ -157,6 +166,7 @@ class AgentBlock(AgentColumns):
             setattr(self, name, row(name))
         self.show(row("node"), row("previous"), row("share"), row("alive"))
         self.show_on_edges(self.source, self.target, self.edge, self.motion)
+        self.flights = Flights(as_ids(self.flyers), *map(row, _IN_AIR)) if self.flyers else _NO_FLIGHTS
 
     @property
     def edge_numbers(self) -> NodeNumbers:
@@ -181,7 +191,7 @@ class AgentBlock(AgentColumns):
             "under_way",
             "version",
         )
-        names = {*self.__slots__, *of_core}.difference(_NUMBERS)
+        names = {*self.__slots__, *of_core}.difference(_NUMBERS, ("flights",))
         return {name: getattr(self, name) for name in sorted(names)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -198,6 +208,9 @@ class AgentBlock(AgentColumns):
         """Add an agent on the ground at `node`, or a flying agent at `position`; return its row."""
         row = self.games.add(1)
         flies = position is not None
+        if flies:
+            self.games.add(1, "flyer")
+            self.flyers.append(row)
         self._show()
         self.put(row, node)
         self.previous[row] = self.node[row]
@@ -205,16 +218,16 @@ class AgentBlock(AgentColumns):
         self.alive[row] = True
         self._write(row, "speed", speed)
         given: dict[str, Any] = {"names": name, "teams": team}
-        if flies:
-            given |= {"position": position, "previous_position": position, "quat": UNTURNED}
         for column in _LISTS:
             getattr(self, column).append(given.get(column))
         self.rows.enter(name)
         self.number_teams((team,))
         self.structure.note((row,))
         self._note(row)
-        if flies:
-            self.flyers.append(row)
+        if position is not None:
+            self._write(row, "position", position)
+            self._write(row, "previous_position", position)
+            self._write(row, "quat", UNTURNED)
             self._unlocated.add(row)
         return row
 
@@ -244,11 +257,13 @@ class AgentBlock(AgentColumns):
 
     def take_over(self, source: AgentBlock, row: int) -> int:
         """Move the agent of a row of another block to this block; return its new row."""
-        new = self.add(source.names[row], source.node_of(row), position=source.position[row])
+        new = self.add(source.names[row], source.node_of(row), position=source.flights.position_of(row))
         for name in (*_LISTS, *_NUMBERS):
             if name not in _OF_NODES and name not in _OF_PROGRESS:
                 getattr(self, name)[new] = getattr(source, name)[row]
         self.previous[new] = self.numbers.number(source.previous_of(row))
+        for name in _IN_AIR:
+            self._write(new, name, read_vector(source, name, row))
         self._write(new, "progress", source.progress_of(row))
         self.number_teams((self.teams[new],))
         self._follow_progress(new)
@@ -264,6 +279,7 @@ class AgentBlock(AgentColumns):
         self.numbers = source.numbers
         self._edge_numbers = source._edge_numbers
         self.games = source.games.copied()
+        self.flyers = source.flyers.copy()
         self._show()
         self._derive()
         self._unlocated = set(self.flyers)
@@ -281,13 +297,15 @@ class AgentBlock(AgentColumns):
         self.structure.close_up(gone, self.names)
         for name in _LISTS:
             drop(getattr(self, name), gone)
+        are_left = [row not in {*gone} for row in self.flyers]
+        self.games.close_up([at for at, is_left in enumerate(are_left) if not is_left], "flyer")
         self.games.close_up(gone)
+        self.flyers = [row - bisect_left(gone, row) for row in compress(self.flyers, are_left)]
         self._show()
         self.rows.close_up(gone)
         self.journal.close_up(gone)
         for which in ("_unlocated", "inactive", "placed", "travellers"):
             setattr(self, which, {row - bisect_left(gone, row) for row in getattr(self, which).difference(gone)})
-        self.flyers = [*compress(count(), self.kind)] if self.flyers else []
         self._note_all()
 
     def take_graph(self, graph: NodeFinder) -> None:
@@ -362,6 +380,10 @@ class AgentBlock(AgentColumns):
         if column == "progress":
             self._write_progress(row, value)
             return
+        if column in _IN_AIR:
+            numbers = self._numbers_in_air(column, row)
+            numbers[:] = array("d", (nan,) * len(numbers) if value is None else value[: len(numbers)])
+            return
         if column == "speed":
             self.has_int_speed[row] = isinstance(value, Integral)
             value = nan if value is None else value
@@ -414,13 +436,11 @@ class AgentBlock(AgentColumns):
             return
         journal = self.journal
         self.previous[row] = self.numbers.number(self.nearest(row))
-        before = self.position[row]
-        self.previous_position[row] = before
+        changed = self.flights.fly(row, *position)
         if node is not None:
             self.put(row, node)
-        elif before is None or position[0] != before[0] or position[1] != before[1]:
+        elif changed > 1:
             self._unlocated.add(row)
-        self.position[row] = position
         self.placed.add(row)
         self._note(row)
         if self.is_noting:
@@ -429,7 +449,7 @@ class AgentBlock(AgentColumns):
     def turn(self, row: int, quat: Quat) -> None:
         """Set the rotation of a flying agent."""
         if not self.is_closed:
-            self.quat[row] = quat
+            self.flights.turn(row, *quat)
             if self.is_noting:
                 self.journal.turned(row, quat)
 
@@ -477,7 +497,7 @@ class AgentBlock(AgentColumns):
 
     def _locate(self, row: int) -> None:
         graph = self.graph
-        position = self.position[row]
+        position = self.flights.position_of(row)
         node = self.node_of(row)
         if graph is not None and position is not None:
             try:
@@ -572,7 +592,6 @@ class AgentBlock(AgentColumns):
     def _derive(self) -> None:
         """Recompute the data derived from the columns, including the rows of names."""
         self.rows.reset(self.names)
-        self.flyers = [*compress(count(), self.kind)]
         self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
         self._note_all()
@@ -582,6 +601,15 @@ def _numbers_of(graph: NodeFinder | None, name: str) -> NodeNumbers:
     """Return the numbers of the nodes or edges of a graph, its attribute of this name; new ones if it has none."""
     found: NodeNumbers | None = getattr(graph, name, None)
     return NodeNumbers() if found is None else found
+
+
+def read_vector(block: AgentBlock, name: str, row: int) -> tuple[float, ...] | None:
+    """Return the numbers of an agent in a column of vectors; None: it has none."""
+    if name not in _IN_AIR:
+        found: tuple[float, ...] | None = getattr(block, name)[row]
+        return found
+    numbers = block._numbers_in_air(name, row)
+    return None if not numbers or isnan(numbers[0]) else tuple(numbers)
 
 
 def speed_of(block: AgentBlock, row: int) -> float | None:
@@ -667,12 +695,10 @@ class TurnPositions:
         self._block.write(row, {"node": node})
 
 
-def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) -> None:
-    """Show flying agents of these rows in a game of a batch, above the nodes that the block has for them."""
-    for row, (position, previous, quat) in zip(rows, poses, strict=True):
-        block.position[row] = position
-        block.previous_position[row] = previous
-        block.quat[row] = quat
+def show_flights(block: AgentBlock, rows: Sequence[int], flights: Flights, agents: Sequence[int], game: int) -> None:
+    """Show flying agents of a game of a batch in these rows, above the nodes that the block has for them."""
+    for row, agent in zip(rows, agents, strict=True):
+        flights.show(agent, game, block.flights, row, 0)
     block._unlocated.clear()
 
 

@@ -1,6 +1,6 @@
 """The positions of agents, for sensors, rules and drawing; updated on access."""
 
-from collections.abc import Collection, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Collection, Mapping, MutableSequence, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,6 @@ from gamms.ir.progress import Progress
 def _frozen(values: object, kind: type) -> Any:
     """Return a read-only array of the values of a column."""
     return read_only(np.array(values, kind))
-
-
-_NO_XYZ = np.zeros((0, 3))
 
 
 class Positions:
@@ -103,7 +100,7 @@ class Positions:
 
         Node ids; for flying agents points (x, y, z), for agents on edges their `Progress`.
         """
-        places = self._with_flyers(self.block.ids_of(self.block.node), self.block.position)
+        places = self._with_flyers(self.block.ids_of(self.block.node), self.block.flights.position_of)
         if self.block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
@@ -112,15 +109,15 @@ class Positions:
     @property
     def previous_places(self) -> MutableSequence[Any]:
         """The positions before the last moves (agents,), in the same form: node ids and points."""
-        return self._with_flyers(self.block.ids_of(self.block.previous), self.block.previous_position)
+        return self._with_flyers(self.block.ids_of(self.block.previous), self.block.flights.previous_of)
 
-    def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
+    def _with_flyers(self, nodes: Any, point_of: Callable[[int], Any]) -> MutableSequence[Any]:
         if not (self.block.flyers or self.block.travellers):
             places: MutableSequence[Any] = copied_column(nodes) if self.block.has_teams else nodes.tolist()
             return places
         places = nodes.tolist()
         for row in self.block.flyers:
-            places[row] = points[row]
+            places[row] = point_of(row)
         return places
 
     @property
@@ -205,4 +202,4 @@ class Positions:
             self._read_at = version
             self._node_ids = _frozen(block.ids_of(block.node), np.int64)
             self._flyers = _frozen(block.flyers, np.int64)
-            self._flyer_xyz = _frozen([block.position[row] for row in block.flyers] or _NO_XYZ, np.float64)
+            self._flyer_xyz = _frozen(np.reshape(block.games.row("position"), (-1, 3)), np.float64)

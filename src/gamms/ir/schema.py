@@ -128,9 +128,11 @@ COLUMNS = (  # in the order of keyframes
         event=ChangeEvent(0x01100004, "AGENT_ORIENTATION", Audience.SENSED, "orientation", is_record=True),
         attribute="orientation",
     ),
-    Column("position", np.float64, shape=(3,)),
-    Column("previous_position", np.float64, shape=(3,)),
-    Column("quat", np.float64, shape=(4,)),
+    Column("position", np.float64, shape=(3,), numbers=(BlockColumn("position", "d", nan, "flyer", 3),)),
+    Column(
+        "previous_position", np.float64, shape=(3,), numbers=(BlockColumn("previous_position", "d", nan, "flyer", 3),)
+    ),
+    Column("quat", np.float64, shape=(4,), numbers=(BlockColumn("quat", "d", nan, "flyer", 4),)),
     Column(
         "alive",
         np.bool_,

@@ -190,8 +190,10 @@ def places_of(ctx: HostContext) -> dict[str, Any]:
     """Return the positions of agents: nodes, or (x, y, z) for flying agents."""
     columns = ctx.agent.block
     nodes = columns.ids_of(columns.node)
-    at = (node if position is None else position for node, position in zip(nodes, columns.position, strict=True))
-    return dict(zip(columns.names, at, strict=True))
+    found: dict[str, Any] = dict(zip(columns.names, nodes, strict=True))
+    for row in columns.flyers:
+        found[columns.names[row]] = columns.flights.position_of(row)
+    return found
 
 
 def components_of(ctx: HostContext) -> Keyframe:

@@ -158,7 +158,7 @@ def position_of(block: AgentBlock, row: int) -> Position:
     Raises:
         BadType: the agent is on the ground.
     """
-    position = block.position[row]
+    position: Position | None = block.flights.position_of(row)
     if position is None:
         raise BadType(f"Agent {block.names[row]!r} does not fly.")
     return position

@@ -170,9 +170,9 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.unchecked = game.internals.unchecked_arrays
     state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
     if state.flights is not None:
-        flying: list[Any] = [roster.agents[number] for number in state.flights.agents.tolist()]
-        state.flights.position[0] = [agent.position for agent in flying]
-        state.flights.start[0] = [game.start_node(agent) for agent in flying]
+        flying: list[Any] = [roster.agents[number] for number in state.flyers.tolist()]
+        state.position[0] = [agent.position for agent in flying]
+        state.start_position[0] = [game.start_node(agent) for agent in flying]
     for number, name in enumerate(roster.names):
         place = block.on_edge(block.row_of(name))
         if place is not None:

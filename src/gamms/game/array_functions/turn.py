@@ -12,6 +12,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.block.deeds import ArrayDeeds, joined
 from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays
+from gamms.game.conflicts import flat
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
 from gamms.ir.game_state import joined_end
@@ -374,7 +375,7 @@ class ArrayTurn(ShallowCopied):
         self._state.previous[games, agents] = np.where(self.roster.flies[agents], before, begun)
         self._state.placed[games, agents] = True
         if self._state.flights is not None:
-            self._state.flights.put_back(games, agents)
+            self._state.flights.put_back(flat(games, np.int64), flat(agents, np.int64))
         self._state.movement.clear(games, agents)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
@@ -398,11 +399,7 @@ class ArrayTurn(ShallowCopied):
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and their positions, (games, flying agents, 3)."""
-        agents = np.flatnonzero(self.roster.flies)
-        flights = self._state.flights
-        if flights is None:
-            return agents, np.zeros((len(self.games), 0, 3))
-        return agents, flights.xyz(self.games, agents)[1]
+        return self._state.flyers.copy(), self._state.position[self.games]
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return the start node of each agent, (games, agents); -1 if it has not entered the game."""

@@ -163,10 +163,8 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
 
     def _heights(self) -> FloatArray:
         heights = np.zeros(self.node.shape)
-        flights = self._state.flights
-        if flights is not None:
-            flies, xyz = flights.xyz(self.games, self.agents)
-            heights[:, flies] = xyz[..., 2]
+        flies, xyz = self._state.places_in_air(self.games, self.agents)
+        heights[:, flies] = xyz[..., 2]
         return heights
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
@@ -193,10 +191,8 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
     def _places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
         found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
-        flights = self._state.flights
-        if flights is not None:
-            flies, xyz = flights.xyz(self.games, self.agents)
-            found.xy[:, flies] = xyz[..., :2]
+        flies, xyz = self._state.places_in_air(self.games, self.agents)
+        found.xy[:, flies] = xyz[..., :2]
         return found
 
     def action_to(self, nodes: Any) -> IntArray:

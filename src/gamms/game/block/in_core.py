@@ -819,7 +819,7 @@ class CoreGames:
         if self.courses is not None and not after_moves:
             self.courses.stand(game, agent, row)
         if state.flights is not None:
-            state.flights.enter(game, agent, start if isinstance(start, tuple) else None)
+            state.flights.enter(agent, game, start if isinstance(start, tuple) else None)
 
     def leave(self, game: int, agent: int, node: int) -> None:
         """Remove a deleted agent from a game, and store its last node."""
@@ -1032,10 +1032,10 @@ class CoreGames:
         state = self._state
         flights = self._state.flights
         assert flights is not None  # noqa: S101 - some fly
-        rows = np.ix_(games, flights.agents)
+        rows = np.ix_(games, state.flyers)
         at, which = np.nonzero((state.stops[rows] != stops[rows]) & state.alive[rows])
-        back = games[at], flights.agents[which]
-        flights.put_back(*back)
+        back = games[at], state.flyers[which]
+        flights.put_back(flat(back[0], np.int64), flat(back[1], np.int64))
         state.previous[back] = node[back]
 
     def _player(self) -> tuple[turn.Player, BatchRules]:

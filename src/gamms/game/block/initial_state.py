@@ -15,7 +15,6 @@ from gamms.game.block.in_core import CoreColumns
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.courses import Legs, Paths, paths_along, paths_over
-from gamms.game.movement.flights import poses_in, starts_above
 from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.streets import StreetGraph
@@ -23,7 +22,7 @@ from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
-from gamms.ir.agents import speed_of
+from gamms.ir.agents import UNTURNED, read_vector, speed_of
 from gamms.ir.game_state import KEPT, GameState
 from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
@@ -207,7 +206,7 @@ class InitialState:
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
         """Store the poses and start positions of the flying agents."""
         block = game.ctx.agent.block
-        numbers = np.flatnonzero(state.roster.flies)
+        numbers = state.flyers
         moves = game.internals.state.moves
         names = [state.roster.names[number] for number in numbers.tolist()]
         known = game.ctx.agent.agents
@@ -217,7 +216,13 @@ class InitialState:
         self._starts_in_air = np.array(starts)
         self._below = state.streets.columns.xy[below]
         rows = [block.row_of(name) if name in known else None for name in names]
-        self._poses = poses_in(block, rows, starts)
+        columns = ("position", "previous_position", "quat")
+        poses = [[None if row is None else read_vector(block, name, row) for row in rows] for name in columns]
+        self._quats = np.array([quat or UNTURNED for quat in poses[2]])
+        each = zip(*poses[:2], starts, strict=True)  # an agent at its start is there in all games
+        self._places_in_air = np.array(
+            [[_NOWHERE if place in (None, start) else place for place in both] for *both, start in each]
+        )
         places = [None if moves is None else moves.index_of(name) for name in names]
         put = [place is not None and moves is not None and moves.was_put(place) for place in places]
         self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
@@ -226,9 +231,16 @@ class InitialState:
 
     def _put_flights(self, state: GameArrays, games: IntArray) -> None:
         if state.flights is not None:
-            below = state.streets.columns.xy[state.start[np.ix_(games, state.flights.agents)]]
-            starts = starts_above(below, self._starts_in_air, self._below)
-            state.flights.begin(games, starts, self._poses, self._have_flown)
+            below = state.streets.columns.xy[state.start[np.ix_(games, state.flyers)]]
+            starts = np.tile(self._starts_in_air, (len(games), 1, 1))
+            is_elsewhere = (below != self._below).any(axis=-1)
+            starts[is_elsewhere, :2] = below[is_elsewhere]  # at the same heights in all games
+            state.start_position[games] = starts
+            state.position[games], state.previous_position[games] = np.moveaxis(
+                np.where(np.isnan(self._places_in_air), starts[:, :, None], self._places_in_air), 2, 0
+            )
+            state.quat[games] = self._quats
+            state.has_flown[games] = self._have_flown
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         state.errors.begin(games, self._errors)

@@ -13,12 +13,12 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import observe, rules
+from gamms.core.flight import TurnFlights
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
 from gamms.game.block.columns import AgentTable, Failure, GameLog, PlayedGame, index_games
 from gamms.game.block.deeds import DeclaredDeeds, DeedLog
 from gamms.game.decisions import COUNT_OF
-from gamms.game.movement.flights import Flights
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
@@ -358,9 +358,10 @@ class GameColumn(NamedTuple):
     Attributes:
         name: its name.
         kind: the type of its values.
-        axis: "agent", "team" or "game": a row has a value for each of them.
+        axis: "agent", "flyer" (an agent that flies), "team" or "game": a row has a value for each of them.
         begins: what a game begins with: the name of values of `GameArrays.reset`; "": zeros.
         is_loaded: whether `columns` returns the column, and `load` sets it.
+        width: the numbers in a value; 0: it is one number.
     """
 
     name: str
@@ -368,6 +369,7 @@ class GameColumn(NamedTuple):
     axis: str = "agent"
     begins: str = ""
     is_loaded: bool = False
+    width: int = 0
 
 
 COLUMNS = (
@@ -383,6 +385,13 @@ COLUMNS = (
     GameColumn("blocked", np.bool_),
     GameColumn("placed", np.bool_),
     GameColumn("fell", np.bool_),
+    GameColumn("position", np.float64, "flyer", "nowhere", is_loaded=True, width=3),
+    GameColumn("previous_position", np.float64, "flyer", "nowhere", is_loaded=True, width=3),
+    GameColumn("quat", np.float64, "flyer", "nowhere", is_loaded=True, width=4),
+    GameColumn("start_position", np.float64, "flyer", "nowhere", width=3),
+    GameColumn("wanted_position", np.float64, "flyer", "nowhere", width=3),
+    GameColumn("wanted_quat", np.float64, "flyer", "nowhere", width=4),
+    GameColumn("has_flown", np.bool_, "flyer"),
 )
 """The columns of all games. Starts, checkpoints, `columns` and `load` follow from these entries."""
 
@@ -413,7 +422,11 @@ class BatchColumns:
         is_apart: (games,) whether each game is played in a context of its own.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
         leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
-        flights: the flying agents; None: no agent flies.
+        flyers: (flying agents,) their numbers in the roster, ascending.
+        flights: the positions and flights of the flying agents; None: no agent flies.
+        position, previous_position: (games, flying agents, 3) map units: where each is, and was before its last flight.
+        quat: (games, flying agents, 4) the rotation of each.
+        start_position, wanted_position, wanted_quat, has_flown: see `core.flight.TurnFlights`.
         over: for each game, the reason, winner and truncation of its end; None while it continues.
         is_going: (games,) whether each game continues.
         stops: (games, agents) how often each agent was tagged, respawned or eliminated.
@@ -438,19 +451,32 @@ class BatchColumns:
     blocked: BoolArray
     placed: BoolArray
     fell: BoolArray
+    position: FloatArray
+    previous_position: FloatArray
+    quat: FloatArray
+    start_position: FloatArray
+    wanted_position: FloatArray
+    wanted_quat: FloatArray
+    has_flown: BoolArray
 
     def __init__(self, roster: AgentTable, seeds: Sequence[int]) -> None:
         self.seeds = list(seeds)
         games = len(seeds)
         shape = (games, len(roster.names))
-        shapes = {"agent": shape, "team": (games, len(roster.teams)), "game": (games,)}
+        self.flyers = np.flatnonzero(roster.flies)
+        shapes = {
+            "agent": shape,
+            "flyer": (games, len(self.flyers)),
+            "team": (games, len(roster.teams)),
+            "game": (games,),
+        }
         for one in COLUMNS:
-            setattr(self, one.name, np.zeros(shapes[one.axis], one.kind))
+            setattr(self, one.name, np.zeros(shapes[one.axis] + (one.width,) * bool(one.width), one.kind))
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors = ErrorLog(games, roster.names)
         self.over = list[dict[str, Any] | None]([None] * games)
-        self.flights = Flights(roster, games) if roster.flies.any() else None
+        self.flights = self._new_flights() if len(self.flyers) else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
         self.turning: list[tuple[int, int, Heading]] = []
@@ -464,6 +490,14 @@ class BatchColumns:
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._shared = (*vars(self), "_shared")  # the names of all these
+
+    def _new_flights(self) -> TurnFlights:
+        """Return what flies agents in the columns."""
+        columns: list[Any] = [getattr(self, one.name) for one in COLUMNS if one.axis == "flyer"]
+        memory: list[Any] = [
+            one.view(np.uint8 if one.dtype == np.bool_ else one.dtype).reshape(-1).data for one in columns
+        ]
+        return TurnFlights(self.flyers.astype(np.int64).data, *memory)
 
     def values_of_all_maps(self) -> dict[str, Any]:
         """Return the attributes that the state of the games on another map has, too, by name."""
@@ -586,6 +620,7 @@ class GameArrays(BatchColumns):
         plays[self.roster.team_of[is_first]] = True
         home = np.where(is_first, start, -1)
         values = {"start": start, "home": home, "is_first": is_first, "plays": plays, "is_going": True}
+        values["nowhere"] = np.nan
         for one in COLUMNS:
             getattr(self, one.name)[those] = values[one.begins] if one.begins else 0
         self.put_roads(games, None)
@@ -659,11 +694,10 @@ class GameArrays(BatchColumns):
         found: Columns = {
             one.name: getattr(self, one.name)
             for one in COLUMNS
-            if one.is_loaded or (one.axis == "team" and not are_all_first)  # else all teams play in all games
+            if (one.is_loaded and (one.axis != "flyer" or self.flights is not None))
+            or (one.axis == "team" and not are_all_first)  # else all teams play in all games
         }
         found.update(dict[Hashable, Any](self.numbers))
-        if self.flights is not None:
-            found.update(dict[Hashable, Any](self.flights.remembered))
         found.update(dict[Hashable, Any](self.movement.remembered))
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
@@ -741,7 +775,7 @@ class GameArrays(BatchColumns):
             is_joined = np.isin(node * nodes + begun, roads.sources * nodes + roads.targets)
             yield "begun", (begun >= 0) & ~is_joined, everyone, "and no edge leads there from its 'node'"
         if self.flights is not None:
-            flyers = self.flights.agents.tolist()
+            flyers = self.flyers.tolist()
             flies = is_there[:, flyers]
             for name in ("position", "previous_position"):
                 is_known: BoolArray = np.all(np.isfinite(columns[name]), axis=-1)
@@ -782,6 +816,11 @@ class GameArrays(BatchColumns):
             those["number"][:] = 0
         self.now.clear()
 
+    def places_in_air(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
+        """Return a mask of the flying agents, (agents,), and their positions, (games, flying agents, 3)."""
+        flies: BoolArray = self.roster.flies[agents]
+        return flies, self.position[np.ix_(games, np.searchsorted(self.flyers, agents[flies]))]
+
     def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
         """Return a copy of some rows and columns of (games, agents), by ascending numbers; None: all agents."""
         # NOTE: `take` costs half of an index, and several times as much as a copy of all (benchmarks: batches).
@@ -820,7 +859,6 @@ class GameArrays(BatchColumns):
             *self.movement.remembered.values(),
             *self.counts.values(),
             *self.numbers.values(),
-            *(() if self.flights is None else self.flights.columns),
             *chain.from_iterable(map(dict.values, by_key)),
         ]
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]

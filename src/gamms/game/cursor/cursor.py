@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core.ask import hold
+from gamms.core.flight import TurnFlights
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
@@ -23,7 +24,6 @@ from gamms.game.cursor.pointed import PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame
 from gamms.game.decisions import Decisions
 from gamms.game.movement.courses import Routes
-from gamms.game.movement.flights import Flights
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.turn import CLOSED, closed_edge
@@ -449,12 +449,13 @@ class Cursor:
             self._shown.leave("that is a sensor changes agents or ends the game")
         self._shown.take()
 
-    def _choose_flights(self, flights: Flights, decisions: Decisions, asked: AskedAgents) -> None:
+    def _choose_flights(self, flights: TurnFlights, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the flights that agents of the current game have chosen."""
         for i, name in asked.members:
             action = decisions.actions.get(i)
             if action is not None and (action.position is not None or action.quat is not None):
-                flights.choose(self._pointed.number, self._shown.number_of[name], action.position, action.quat)
+                chosen = self._pointed.number, self._shown.number_of[name], action.position, action.quat
+                flights.chosen.append(chosen)
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the routes that agents of the current game have chosen."""

@@ -242,7 +242,7 @@ class Population:
         agents, sensors: the agents and the sensors.
         block: the block of the agents.
         numbers: the number in the roster of each agent, by row.
-        flying: the indices of its flying agents among all flying agents of the batch.
+        flying: the numbers in the roster of its flying agents.
         rows_in_air: the rows of its flying agents.
         first_headings: the default headings of agents, by row.
         journal: records the changes of functions.
@@ -256,9 +256,8 @@ class Population:
         number_of = {name: number for number, name in enumerate(state.roster.names)}
         self.numbers: IntArray = np.array([number_of[name] for name in self.block.names], np.int64)
         row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
-        fly = [] if state.flights is None else state.flights.agents.tolist()
-        self.flying = [place for place, number in enumerate(fly) if number in row_of]
-        self.rows_in_air = [row_of[fly[place]] for place in self.flying]
+        self.flying = [number for number in state.flyers.tolist() if number in row_of]
+        self.rows_in_air = [row_of[number] for number in self.flying]
         known = {} if before is None else dict(zip(before.agents.members, before.first_headings, strict=True))
         now = zip(self.agents.members, self.block.heading, strict=True)
         self.first_headings: list[Heading] = [known.get(agent, heading) for agent, heading in now]
@@ -319,9 +318,7 @@ class GamesToShow:
     def _placed_in(self, games: IntArray) -> BoolArray:
         """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
         placed: BoolArray = self._state.placed[games]
-        flights = self._state.flights
-        if flights is not None:
-            placed[:, flights.agents] &= ~flights.has_flown[games]
+        placed[:, self._state.flyers] &= ~self._state.has_flown[games]
         return placed
 
     def show(self, at: int) -> None:
@@ -625,8 +622,7 @@ class PointedContext:
         headings = self._state.headings[number]
         shown = self.population
         if flights is not None:
-            poses = flights.poses(number)
-            show_flights(shown.block, shown.rows_in_air, [poses[place] for place in shown.flying])
+            show_flights(shown.block, shown.rows_in_air, flights, shown.flying, number)
         self.headings = headings
         each = zip(shown.numbers.tolist(), shown.first_headings, strict=True)
         show_column(shown.block, "heading", [headings.get(agent, first) for agent, first in each])

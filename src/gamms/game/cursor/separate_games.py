@@ -312,10 +312,10 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
         if place is not None:
             moves.place(number, i, *place[:3])
     if state.flights is not None:
-        for row, i in enumerate(state.flights.agents.tolist()):
+        for row, i in enumerate(state.flyers.tolist()):
             agent: Any = known.get(names[i])
             if agent is not None and agent.type is AgentType.AERIAL:
-                state.flights.position[number, row] = agent.position
+                state.position[number, row] = agent.position
     note_sights(state, ctx, game.internals.parts.turns.looks, number)
 
 

@@ -20,6 +20,7 @@ from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
 from gamms.game.messages import Inboxes
 from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import COUNTED
@@ -492,8 +493,8 @@ class ShownGame:
         nodes = state.streets.ids(state.start[self._pointed.number, begun]).tolist()
         starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
         if state.flights is not None:
-            places = map(tuple, state.flights.start[self._pointed.number].tolist())
-            flying = zip((state.roster.names[i] for i in state.flights.agents), places, strict=True)
+            places = map(tuple, state.start_position[self._pointed.number].tolist())
+            flying = zip((state.roster.names[i] for i in state.flyers), places, strict=True)
             starts |= {name: place for name, place in flying if name in starts}
         return starts
 
@@ -575,7 +576,7 @@ class ShownGame:
             paths = courses.game_paths(self._pointed.number, acting, standing, starts)
         first = ids(starts).tolist()
         if self._state.flights is not None:
-            actions = self._state.flights.actions(self._pointed.number, acting, first)
+            actions = self._flights_of(acting, first)
         lives = took_part.tobytes()
         moves = TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
         if self._state.deed_log is not None:
@@ -583,6 +584,17 @@ class ShownGame:
                 if number in numbers[took_part] and self.part in (None, self._core.part_of[number]):
                     moves.do(int(np.searchsorted(numbers, number)), deeds)
         return moves
+
+    def _flights_of(self, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
+        """Return the flights of agents, above these nodes, by their places among these numbers."""
+        flights = self._state.flights
+        assert flights is not None  # noqa: S101 - some fly
+        found = {}
+        for place in np.flatnonzero(np.isin(numbers, self._state.flyers)).tolist():
+            node = nodes[place]
+            position, quat = flights.wanted_of(int(numbers[place]), self._pointed.number)
+            found[place] = ResolvedAction(node, (node,), position=position, quat=quat)
+        return found
 
     # -- what functions change -----------------------------------------------------------------------------------------
 
@@ -727,8 +739,10 @@ class ShownGame:
         if changed and self.part is None:
             self._core.place_newcomers(np.array([number]))
         if state.flights is not None:
-            fly = self._population.flying, self._population.rows_in_air
-            state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)
+            for agent, row in zip(self._population.flying, self._population.rows_in_air, strict=True):
+                block.flights.show(row, 0, state.flights, agent, number)
+            state.has_flown[number] &= ~state.placed[number, state.flyers]
+            state.placed[number, state.flyers] |= state.has_flown[number]
 
     def _take_facts(self) -> None:
         """Store the facts that a rule has published in a game."""
@@ -759,4 +773,4 @@ class ShownGame:
         """Cancel the move of an agent of the game that the context is pointed at."""
         self._core.hold(self._pointed.number, agent)
         if self._state.flights is not None:
-            self._state.flights.hold(self._pointed.number, agent)
+            self._state.flights.hold(agent, self._pointed.number)
