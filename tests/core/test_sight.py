@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.core.agents import AgentColumns, NodeNumbers
-from gamms.core.observe import AgentSearch, list_seen
-from gamms.core.sight import AgentPositions, AgentsByX, RangeSearch, SensorTable
+from gamms.core.observe import list_seen
+from gamms.core.sight import AgentPositions, AgentSearch, RangeSearch, SensorTable
 
 LARGE = 1.7e308
 COORDINATES = st.one_of(
@@ -128,19 +128,16 @@ def seen_in_a_batch(places, alive, radius):
     """
     count = len(places)
     xy = np.array(places, np.float64)
-    order = np.arange(count)
-    by_x = AgentsByX(
-        count,
-        memoryview(np.zeros(2 * count)),
-        memoryview(np.array(alive, np.uint8)),
-        memoryview(order),
-        memoryview(order.copy()),
-        memoryview(np.zeros(count, np.int64)),
-        memoryview(np.zeros(count, np.int64)),
-    )
     squares = memoryview(np.full(count, radius * radius))
     sensors = SensorTable(memoryview(np.arange(count + 1)), squares, memoryview(np.ones(count, np.uint8)), 1)
-    search = AgentSearch(sensors, by_x, memoryview(np.arange(count)), memoryview(-xy.reshape(-1)))
+    search = AgentSearch(
+        sensors,
+        memoryview(np.arange(count)),
+        memoryview(np.array(alive, np.uint8)),
+        memoryview(np.zeros(count, np.int64)),
+        memoryview(-xy.reshape(-1)),
+        memoryview(np.arange(count)),
+    )
     pairs = np.zeros((4, count * count), np.int64)
     looks = []
     for own in (np.zeros(0), xy.reshape(-1)):

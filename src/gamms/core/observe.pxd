@@ -11,12 +11,11 @@ cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 
 @cython.final
 cdef class VisibleAgents:
-    cdef sight.SensorTable looks
-    cdef bint has_looks
+    cdef sight.AgentSearch search
+    cdef bint is_searched
     cdef i64 agents, nobody
     cdef const i64[::1] viewers, node, team, first, nodes
     cdef const u8[::1] alive, mates
-    cdef const double[::1] xy
 
 
 @cython.final
@@ -43,7 +42,7 @@ cdef class VectorObservations:
 @cython.final
 cdef class NearestAgents:
     cdef i64 count
-    cdef i64[::1] nodes, nearest
+    cdef i64[::1] agents, nodes, nearest
     cdef u8[::1] mates
     cdef double[::1] far
     cdef routes.NearbyDistances ways
@@ -93,41 +92,28 @@ cpdef int observe_turns_aside(
 cpdef i64 end_turn(LearnerTurn t) except -1
 
 
-@cython.final
-cdef class AgentSearch:
-    cdef sight.SensorTable looks
-    cdef sight.AgentsByX by_x
-    cdef const i64[::1] node
-    cdef const double[::1] xy
-
-
 @cython.locals(room=i64, seen=i64[::1], found=i64, place=i64, game=i64, viewer=i64, count=i64, number=i64)
 cpdef i64 list_seen(
-    AgentSearch s,
+    sight.AgentSearch s,
     const i64[::1] games,
     const double[::1] own,
     const i64[::1] viewers,
     const u8[::1] is_asked,
     i64[::1] pairs,
 ) except -1
-@cython.locals(by_x=sight.AgentsByX, agent=i64, row=i64)
-cdef int _place(AgentSearch s, const double[::1] own, i64 place, i64 game) except -1
-@cython.locals(gap=i64, place=i64, number=i64, before=i64)
-cdef int _sort(i64[::1] numbers, i64 count) except -1
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(row=i64, base=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
 cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game, i64 agent) except -1 nogil
-@cython.locals(
-    row=i64, base=i64, here=i64, pair=i64, at=i64, viewer=i64, x=double, y=double, own=i64, other=i64, node=i64,
-    dx=double, dy=double
-)
+cdef int begin_looks(Observers o, i64 game) except -1 nogil
+@cython.locals(row=i64, base=i64, pair=i64, at=i64, viewer=i64, other=i64, place=i64)
 cpdef int look(Observers o, NearestAgents found, i64 game, i64 agent) except -1 nogil
 @cython.locals(far=double)
 cdef double find_road(
     NearestAgents found, routes.NearbyDistances ways, i64 base, i64 node, i64 target
 ) except? -2.0 nogil
+cdef bint is_nearer(NearestAgents found, double far, i64 other, i64 place) except -1 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
 cdef i64 _choose_nearest(VectorObservations v, NearestAgents found, double own_x, double own_y) except -1 nogil
 @cython.locals(size=i64, i=i64, row=i64, node=i64, entry=i64, other=i64, at=i64)

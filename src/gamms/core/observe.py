@@ -10,7 +10,10 @@ the map size.
 
 from __future__ import annotations
 
+from array import array
+
 from gamms.core import routes, sight, strategies
+from gamms.core.block import INT64
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -28,11 +31,10 @@ ON_MAP = 6  # and of a node of the whole map
 
 
 class VisibleAgents:
-    """The agents that observers see: computed from sensors, or without `looks`, given as pairs.
+    """The agents that observers see: found by a search, or without one, given as pairs.
 
     Attributes:
-        looks: the sensors of all agents of a game.
-        xy: (2 * nodes,) x and y of each node, map units.
+        search: finds them by plain sensors.
         first: (rows + 1,) the pairs of a row are `first[row]` to `first[row + 1] - 1`.
         nodes: (pairs,) the node of the visible agent.
         mates: (pairs,) 1: it is a teammate.
@@ -45,8 +47,7 @@ class VisibleAgents:
 
     def __init__(
         self,
-        looks: sight.SensorTable | None,
-        xy: memoryview[float],
+        search: sight.AgentSearch | None,
         first: memoryview[int],
         nodes: memoryview[int],
         mates: memoryview[int],
@@ -57,9 +58,8 @@ class VisibleAgents:
         team: memoryview[int],
         nobody: int,
     ) -> None:
-        self.looks = looks
-        self.has_looks = looks is not None
-        self.xy = xy
+        self.search = search
+        self.is_searched = search is not None
         self.viewers = viewers
         self.node = node
         self.alive = alive
@@ -163,6 +163,7 @@ class NearestAgents:
 
     Attributes:
         count: the number of visible agents.
+        agents: (all agents,) their numbers, in any order.
         nodes: (all agents,) their nodes.
         mates: (all agents,) 1: it is a teammate.
         far: (others + 1,) the squared distances of the nearest agents.
@@ -174,6 +175,7 @@ class NearestAgents:
 
     def __init__(
         self,
+        agents: memoryview[int],
         nodes: memoryview[int],
         mates: memoryview[int],
         far: memoryview[float],
@@ -181,6 +183,7 @@ class NearestAgents:
         ways: routes.NearbyDistances | None,
     ) -> None:
         self.count = 0
+        self.agents = agents
         self.nodes = nodes
         self.mates = mates
         self.far = far
@@ -345,27 +348,8 @@ def end_turn(t: LearnerTurn) -> int:
     return found
 
 
-class AgentSearch:
-    """Finds the agents that plain sensors show, in the games of a batch.
-
-    Attributes:
-        looks: the sensors of all agents of a game.
-        by_x: the agents of all games.
-        node: (all games * agents,) the node of each agent.
-        xy: (2 * nodes,) x and y of each node, map units.
-    """
-
-    def __init__(
-        self, looks: sight.SensorTable, by_x: sight.AgentsByX, node: memoryview[int], xy: memoryview[float]
-    ) -> None:
-        self.looks = looks
-        self.by_x = by_x
-        self.node = node
-        self.xy = xy
-
-
 def list_seen(
-    s: AgentSearch,
+    s: sight.AgentSearch,
     games: memoryview[int],
     own: memoryview[float],
     viewers: memoryview[int],
@@ -386,55 +370,27 @@ def list_seen(
         The number of pairs, those without room included.
     """
     room = len(pairs) // 4
-    seen = s.by_x.seen
+    seen = memoryview(array(INT64, bytes(8 * s.agents)))
     found = 0
     for place in range(len(games)):
         game = games[place]
-        _place(s, own, place, game)
+        if len(own) > 0:
+            s.place_between(game, own, 2 * place * s.agents)
+        else:
+            s.place(game, 0)
         for viewer in range(len(viewers)):
             if not is_asked[place * len(viewers) + viewer]:
                 continue
-            count = sight.see(s.looks, s.by_x, game, viewers[viewer])
-            _sort(seen, count)
+            count = sight.see(s, game, viewers[viewer], seen)
+            sight.sort_numbers(seen, count)
             for number in range(count):
                 if found < room:
                     pairs[found] = place
                     pairs[room + found] = viewer
                     pairs[2 * room + found] = seen[number]
-                    pairs[3 * room + found] = s.node[game * s.by_x.agents + seen[number]]
+                    pairs[3 * room + found] = s.node[game * s.agents + seen[number]]
                 found += 1
     return found
-
-
-def _place(s: AgentSearch, own: memoryview[float], place: int, game: int) -> int:
-    """Take the positions of the agents of a game."""
-    by_x = s.by_x
-    for agent in range(by_x.agents):
-        row = game * by_x.agents + agent
-        if len(own) > 0:
-            by_x.places[2 * row] = own[2 * (place * by_x.agents + agent)]
-            by_x.places[2 * row + 1] = own[2 * (place * by_x.agents + agent) + 1]
-        else:
-            by_x.places[2 * row] = s.xy[2 * s.node[row]]
-            by_x.places[2 * row + 1] = s.xy[2 * s.node[row] + 1]
-    return by_x.sort(game)
-
-
-def _sort(numbers: memoryview[int], count: int) -> int:
-    """Sort the first numbers, by insertion over gaps that shrink."""
-    gap = 1
-    while 3 * gap < count:
-        gap = 3 * gap + 1
-    while gap > 0:
-        for place in range(gap, count):
-            number = numbers[place]
-            before = place - gap
-            while before >= 0 and numbers[before] > number:
-                numbers[before + gap] = numbers[before]
-                before -= gap
-            numbers[before + gap] = number
-        gap //= 3
-    return 0
 
 
 def node_of(o: Observers, place: int, agent: int) -> int:
@@ -444,6 +400,8 @@ def node_of(o: Observers, place: int, agent: int) -> int:
 
 def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int) -> int:
     """Write the vectors of all observers of the game at a place."""
+    if v.others > 0:
+        begin_looks(o, game)
     for i in range(o.agents):
         row = o.rows[game] + i
         count = 1
@@ -504,33 +462,32 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
     return num_legal
 
 
+def begin_looks(o: Observers, game: int) -> int:
+    """Take the positions of the agents in the game at a place, before observers look."""
+    if o.seen.is_searched:
+        o.seen.search.place(o.games[game], o.first_node[o.games[game]])  # type: ignore[union-attr]
+    return 0
+
+
 def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
     """Find the agents that an observer sees, in the game at a place."""
     row = o.rows[game] + agent
     base = o.first_node[o.games[game]]
     found.count = 0
-    if not o.seen.has_looks:
+    if not o.seen.is_searched:
         for pair in range(o.seen.first[row], o.seen.first[row + 1]):
+            found.agents[found.count] = found.count
             found.nodes[found.count] = base + o.seen.nodes[pair]
             found.mates[found.count] = o.seen.mates[pair]
             found.count += 1
         return 0
     at = o.games[game] * o.seen.agents
     viewer = o.seen.viewers[agent]
-    here = base + o.seen.node[at + viewer]
-    x = o.seen.xy[2 * here]
-    y = o.seen.xy[2 * here + 1]
-    own = o.seen.team[viewer]
-    for other in range(o.seen.agents):
-        if other == viewer or not o.seen.alive[at + other]:
-            continue
-        node = base + o.seen.node[at + other]
-        dx = o.seen.xy[2 * node] - x
-        dy = o.seen.xy[2 * node + 1] - y
-        if sight.is_shown(o.seen.looks, viewer, o.seen.team[other], dx, dy):  # type: ignore[arg-type]
-            found.nodes[found.count] = node
-            found.mates[found.count] = strategies.are_mates(own, o.seen.team[other], o.seen.nobody)
-            found.count += 1
+    found.count = sight.see(o.seen.search, o.games[game], viewer, found.agents)  # type: ignore[arg-type]
+    for place in range(found.count):
+        other = found.agents[place]
+        found.nodes[place] = base + o.seen.node[at + other]
+        found.mates[place] = strategies.are_mates(o.seen.team[viewer], o.seen.team[other], o.seen.nobody)
     return 0
 
 
@@ -546,6 +503,13 @@ def find_road(found: NearestAgents, ways: routes.NearbyDistances, base: int, nod
     return ways.look_up(base + target, node)
 
 
+def is_nearer(found: NearestAgents, far: float, other: int, place: int) -> bool:
+    """Return whether an agent at a squared distance comes before the one at a place of the nearest."""
+    if far == found.far[place]:
+        return found.agents[other] < found.agents[found.nearest[place]]
+    return far < found.far[place]
+
+
 def _choose_nearest(v: VectorObservations, found: NearestAgents, own_x: float, own_y: float) -> int:
     """Find the nearest visible agents, by insertion into a sorted list; return their number."""
     count = 0
@@ -554,7 +518,7 @@ def _choose_nearest(v: VectorObservations, found: NearestAgents, own_x: float, o
         dy = v.places[2 * found.nodes[other] + 1] - own_y
         far = dx * dx + dy * dy
         place = count
-        while place > 0 and far < found.far[place - 1]:
+        while place > 0 and is_nearer(found, far, other, place - 1):
             found.far[place] = found.far[place - 1]
             found.nearest[place] = found.nearest[place - 1]
             place -= 1
@@ -567,6 +531,7 @@ def _choose_nearest(v: VectorObservations, found: NearestAgents, own_x: float, o
 def observe_nodes(o: Observers, n: NodeFeatures, found: NearestAgents, game: int) -> int:
     """Write the node features for all observers of the game at a place."""
     size = n.most * (AROUND if n.hops > 0 else ON_MAP)
+    begin_looks(o, game)
     for i in range(o.agents):
         row = o.rows[game] + i
         node = node_of(o, game, i)

@@ -1,7 +1,6 @@
 cimport cython
 
 from gamms.core.agents cimport AgentColumns
-from gamms.core.rules cimport GameColumns
 
 ctypedef unsigned char u8
 ctypedef long long i64
@@ -35,15 +34,19 @@ cdef double widest_square(SensorTable sensors, i64 viewer) except? -1.0 nogil
 
 
 @cython.final
-cdef class AgentsByX:
+cdef class AgentSearch:
+    cdef SensorTable looks
     cdef i64 agents
+    cdef const i64[::1] node, team
+    cdef const u8[::1] alive
+    cdef const double[::1] xy
+    cdef i64[::1] order, ranks
     cdef double[::1] places
-    cdef u8[::1] alive
-    cdef i64[::1] order, ranks, seen
-    cdef const i64[::1] team
 
-    @cython.locals(first=i64, row=i64)
-    cdef int place(self, GameColumns games, const double[::1] xy, i64 game) except -1 nogil
+    @cython.locals(first=i64, row=i64, node=i64)
+    cdef int place(self, i64 game, i64 base) except -1 nogil
+    @cython.locals(first=i64, number=i64)
+    cdef int place_between(self, i64 game, const double[::1] xy, i64 begin) except -1 nogil
     @cython.locals(first=i64, number=i64, agent=i64, x=double, place=i64)
     cdef int sort(self, i64 game) except -1 nogil
 
@@ -51,7 +54,9 @@ cdef class AgentsByX:
 @cython.locals(
     widest=double, first=i64, here=i64, count=i64, side=i64, rank=i64, other=i64, dx=double, dy=double
 )
-cdef i64 see(SensorTable sensors, AgentsByX agents, i64 game, i64 viewer) except -1 nogil
+cdef i64 see(AgentSearch s, i64 game, i64 viewer, i64[::1] seen) except -1 nogil
+@cython.locals(gap=i64, place=i64, number=i64, before=i64)
+cdef int sort_numbers(i64[::1] numbers, i64 count) except -1 nogil
 
 
 @cython.final
@@ -78,7 +83,8 @@ cdef class RangeSearch:
     cdef double radius, scale, square, size
     cdef i64 room, mask, kept
     cdef dict everyone, known
-    cdef int[::1] first, after, before, cell_x, cell_y, found
+    cdef int[::1] first, after, before, cell_x, cell_y
+    cdef i64[::1] found
 
     cpdef int build(self) except -1
     @cython.locals(x=double[::1], y=double[::1], greatest=double, row=i64, entry=i64)
@@ -97,8 +103,6 @@ cdef class RangeSearch:
         dx=double, dy=double
     )
     cdef Py_ssize_t _find(self, double x, double y) except -1 nogil
-    @cython.locals(gap=i64, place=i64, row=i64, hole=i64)
-    cdef int _sort(self, i64 count) except -1 nogil
     @cython.locals(names=list, nodes=list, data=dict, place=i64, row=i64, own_row=i64)
     cdef dict _named(self, i64 count, str own)
     cpdef dict by_name(self, double x, double y, str own)

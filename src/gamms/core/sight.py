@@ -1,7 +1,7 @@
 """Looks at agents: which agents are within the radius, and in the field of view, of a sensor.
 
-`is_within` and `is_ahead` are the tests of all looks. `see` finds the agents that an agent of a batch sees, with the
-help of `AgentsByX`. `AgentPositions` holds the agents of a context in the order of their creation; a `RangeSearch`
+`is_within` and `is_ahead` are the tests of all looks. `see` finds the agents that an agent of a batch sees, with an
+`AgentSearch`. `AgentPositions` holds the agents of a context in the order of their creation; a `RangeSearch`
 finds those within one radius of a point, with a grid in a hash table, and returns them in the same order.
 """
 
@@ -12,7 +12,7 @@ from math import atan2, fabs
 from typing import Any
 
 from gamms.core.agents import AgentColumns
-from gamms.core.rules import GameColumns
+from gamms.core.block import INT64
 
 LEAST = 1e-150  # squares of radii between LEAST
 MOST = 1e150  # and MOST are neither zero nor infinite; other radii are scaled
@@ -93,44 +93,54 @@ def widest_square(sensors: SensorTable, viewer: int) -> float:
     return widest
 
 
-class AgentsByX:
-    """The agents of games by ascending x, so that those near an agent are found on both sides of it.
+class AgentSearch:
+    """Finds the agents that plain sensors show, in games of a batch: by ascending x, to both sides of an observer.
 
     Attributes:
+        looks: the sensors of all agents of a game.
         agents: the number of agents of a game.
-        places: (2 * games * agents,) x and y of each agent, map units.
-        alive: (games * agents,) whether the agent is alive.
-        order: (games * agents,) the agents of each game by ascending x.
+        node: (games * agents,) the node of each agent.
+        alive: (games * agents,) whether it is alive.
+        team: (agents,) its team number.
+        xy: (2 * nodes,) x and y of each node, map units.
+        order: (games * agents,) the agents of each game by ascending x; empty: nobody looks.
         ranks: (games * agents,) the place of each agent in this order.
-        team: (agents,) the team number of each agent.
-        seen: (agents,) the numbers of the agents that were found last.
+        places: (2 * games * agents,) x and y of each agent.
     """
 
     def __init__(
         self,
-        agents: int,
-        places: memoryview[float],
+        looks: SensorTable,
+        node: memoryview[int],
         alive: memoryview[int],
-        order: memoryview[int],
-        ranks: memoryview[int],
         team: memoryview[int],
-        seen: memoryview[int],
+        xy: memoryview[float],
+        order: memoryview[int],
     ) -> None:
-        self.agents = agents
-        self.places = places
+        self.looks = looks
+        self.agents = len(team)
+        self.node = node
         self.alive = alive
-        self.order = order
-        self.ranks = ranks
         self.team = team
-        self.seen = seen
+        self.xy = xy
+        self.order = order
+        self.ranks = memoryview(array(INT64, bytes(8 * len(order))))
+        self.places: memoryview[Any] = memoryview(array("d", bytes(16 * len(order))))
 
-    def place(self, games: GameColumns, xy: memoryview[float], game: int) -> int:
-        """Take the places of the agents of a game from their nodes; `xy`, (2 * nodes,), has those of the nodes."""
+    def place(self, game: int, base: int) -> int:
+        """Take the positions of the agents of a game from their nodes, which are numbered from `base` in `xy`."""
         first = game * self.agents
         for row in range(first, first + self.agents):
-            self.places[2 * row] = xy[2 * games.node[row]]
-            self.places[2 * row + 1] = xy[2 * games.node[row] + 1]
-            self.alive[row] = games.alive[row]
+            node = base + self.node[row]
+            self.places[2 * row] = self.xy[2 * node]
+            self.places[2 * row + 1] = self.xy[2 * node + 1]
+        return self.sort(game)
+
+    def place_between(self, game: int, xy: memoryview[float], begin: int) -> int:
+        """Take the positions of the agents of a game, who may be between nodes, from `xy[begin:]`."""
+        first = 2 * game * self.agents
+        for number in range(2 * self.agents):
+            self.places[first + number] = xy[begin + number]
         return self.sort(game)
 
     def sort(self, game: int) -> int:
@@ -152,29 +162,46 @@ class AgentsByX:
         return 0
 
 
-def see(sensors: SensorTable, agents: AgentsByX, game: int, viewer: int) -> int:
-    """Write the numbers of the agents that an agent sees to `agents.seen`, in no order; return how many they are.
+def see(s: AgentSearch, game: int, viewer: int, seen: memoryview[int]) -> int:
+    """Write the numbers of the agents that an agent sees to `seen`, (agents,), in no order; return how many they are.
 
     Dead agents and the agent itself are left out. The search goes to both sides along the x axis, up to the widest
     radius of the agent's sensors.
     """
-    widest = widest_square(sensors, viewer)
-    first = game * agents.agents
+    widest = widest_square(s.looks, viewer)
+    first = game * s.agents
     here = first + viewer
     count = 0
     for side in range(-1, 2, 2):
-        rank = agents.ranks[here] + side
-        while 0 <= rank < agents.agents:
-            other = agents.order[first + rank]
-            dx = agents.places[2 * (first + other)] - agents.places[2 * here]
+        rank = s.ranks[here] + side
+        while 0 <= rank < s.agents:
+            other = s.order[first + rank]
+            dx = s.places[2 * (first + other)] - s.places[2 * here]
             if not is_within(dx, 0.0, widest):
                 break
-            dy = agents.places[2 * (first + other) + 1] - agents.places[2 * here + 1]
-            if agents.alive[first + other] and is_shown(sensors, viewer, agents.team[other], dx, dy):
-                agents.seen[count] = other
+            dy = s.places[2 * (first + other) + 1] - s.places[2 * here + 1]
+            if s.alive[first + other] and is_shown(s.looks, viewer, s.team[other], dx, dy):
+                seen[count] = other
                 count += 1
             rank += side
     return count
+
+
+def sort_numbers(numbers: memoryview[int], count: int) -> int:
+    """Sort the first numbers, by insertion over gaps that shrink."""
+    gap = 1
+    while gap < count // 9:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for place in range(gap, count):
+            number = numbers[place]
+            before = place - gap
+            while before >= 0 and numbers[before] > number:
+                numbers[before + gap] = numbers[before]
+                before -= gap
+            numbers[before + gap] = number
+        gap //= 3
+    return 0
 
 
 # -- the agents of a context -------------------------------------------------------------------------------------------
@@ -300,7 +327,7 @@ class RangeSearch:
         self.before = memoryview(array("i", bytes(4 * (room + 1))))
         self.cell_x = memoryview(array("i", bytes(4 * (room + 1))))
         self.cell_y = memoryview(array("i", bytes(4 * (room + 1))))
-        self.found = memoryview(array("i", bytes(4 * (room + 1))))
+        self.found = memoryview(array(INT64, bytes(8 * (room + 1))))
 
     def build(self) -> int:
         """Build the grid from all agents."""
@@ -414,24 +441,8 @@ class RangeSearch:
                             self.found[count] = row
                             count += 1
                     row = self.after[row]
-        self._sort(count)
+        sort_numbers(self.found, count)
         return count
-
-    def _sort(self, count: int) -> int:
-        """Sort the rows in `found`, by Shell's sort."""
-        gap = 1
-        while gap < count // 9:
-            gap = 3 * gap + 1
-        while gap > 0:
-            for place in range(gap, count):
-                row = self.found[place]
-                hole = place
-                while hole >= gap and self.found[hole - gap] > row:
-                    self.found[hole] = self.found[hole - gap]
-                    hole -= gap
-                self.found[hole] = row
-            gap //= 3
-        return 0
 
     def _named(self, count: int, own: str) -> dict[Any, Any]:
         names = self.places.names

@@ -40,14 +40,12 @@ cdef class Strategies:
     cdef GameColumns games
     cdef StrategySteps steps
     cdef routes.PathTables ways
-    cdef sight.SensorTable looks
-    cdef sight.AgentsByX by_x
-    cdef const double[::1] xy
+    cdef sight.AgentSearch search
     cdef bint has_lookers
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
     cdef const u8[::1] anywhere
-    cdef i64[::1] memory, legal, legal_ids
+    cdef i64[::1] memory, legal, legal_ids, seen
     cdef double[::1] safety
     cdef i64 count, ahead, drawn
     cdef bint goes_far

@@ -147,10 +147,9 @@ class Strategies:
         games: the games.
         steps: the steps of their strategies.
         ways: shortest paths.
-        looks: the sensors of the agents.
-        by_x: the agents by x; it has no memory unless `has_lookers`.
+        search: finds the agents that agents see; it has no memory unless `has_lookers`.
         has_lookers: whether some agents look for others.
-        xy: (2 * nodes,) x and y of each node, map units.
+        seen: (agents,) working memory: the numbers of the agents that were found last.
         keys: (rows,) the `draws.first_key` of each agent.
         legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
         legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
@@ -168,19 +167,15 @@ class Strategies:
         games: GameColumns,
         steps: StrategySteps,
         ways: routes.PathTables,
-        looks: sight.SensorTable,
-        by_x: sight.AgentsByX,
-        xy: memoryview[float],
+        search: sight.AgentSearch,
         keys: memoryview[int],
         memory: memoryview[int],
     ) -> None:
         self.games = games
         self.steps = steps
         self.ways = ways
-        self.looks = looks
-        self.by_x = by_x
-        self.has_lookers = len(self.by_x.order) > 0
-        self.xy = xy
+        self.search = search
+        self.has_lookers = len(self.search.order) > 0
         self.keys = keys
         self.memory = memory
         nodes = len(self.ways.ids)
@@ -188,6 +183,7 @@ class Strategies:
         self.legal = memoryview(array("q", bytes(8 * nodes)))
         self.legal_ids = memoryview(array("q", bytes(8 * nodes)))
         self.safety: memoryview[float] = safety
+        self.seen = memoryview(array("q", bytes(8 * games.agents)))
         self.count = 0
         self.ahead = -1
         self.goes_far = False
@@ -203,7 +199,7 @@ class Strategies:
 def begin(p: Strategies, game: int) -> int:
     """Take the places of the agents of a game, before the agents of a part of a turn decide."""
     if p.has_lookers:
-        p.by_x.place(p.games, p.xy, game)
+        p.search.place(game, 0)
     return 0
 
 
@@ -326,12 +322,12 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
 
 
 def _find_enemies(p: Strategies, game: int, agent: int) -> int:
-    """Write the numbers of the visible enemies of an agent to `by_x.seen`, in no order; return how many they are."""
-    count = sight.see(p.looks, p.by_x, game, agent)
+    """Write the numbers of the visible enemies of an agent to `seen`, in no order; return how many they are."""
+    count = sight.see(p.search, game, agent, p.seen)
     enemies = 0
     for place in range(count):
-        if not are_mates(p.games.team[agent], p.games.team[p.by_x.seen[place]], p.games.nobody):
-            p.by_x.seen[enemies] = p.by_x.seen[place]
+        if not are_mates(p.games.team[agent], p.games.team[p.seen[place]], p.games.nobody):
+            p.seen[enemies] = p.seen[place]
             enemies += 1
     return enemies
 
@@ -342,7 +338,7 @@ def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     found = p.games.agents
     least = INFINITE
     for place in range(_find_enemies(p, game, agent)):
-        other = p.by_x.seen[place]
+        other = p.seen[place]
         far = p.ways.distance(node, p.games.node[at + other])
         if is_nearer(far, other, least, found):
             least = far
@@ -361,6 +357,6 @@ def _farthest(p: Strategies, game: int, agent: int) -> int:
         p.legal_ids[number] = p.ways.ids[p.legal[number]]
     for place in range(count):
         for number in range(p.count):
-            far = p.ways.distance(p.games.node[at + p.by_x.seen[place]], p.legal[number])
+            far = p.ways.distance(p.games.node[at + p.seen[place]], p.legal[number])
             p.safety[number] = min(p.safety[number], far)
     return p.legal[farthest(p.safety, p.legal_ids, p.count)]

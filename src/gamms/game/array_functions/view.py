@@ -18,12 +18,13 @@ from gamms.game.block.sensing import (
     SHOWING_NODES,
     VisibleAgentPairs,
     VisibleNodes,
+    find_search,
     names_of,
     seen,
     seen_nodes,
 )
 from gamms.game.block.state import Arrays, GameArrays
-from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_looks
+from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_search
 from gamms.game.block.vectors import (
     Encoder,
     RoadDistances,
@@ -486,18 +487,17 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             counts = is_legal.sum(axis=-1).reshape(-1)
             choice = flat(np.arange(len(counts)), np.int64)
             offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
-        looks = self._plain_looks()
+        search = find_search(self._state) if self._has_plain_looks else None
         pairs = _NO_PAIRS
-        if are_looking and looks is None:
+        if are_looking and search is None:
             found = self.seen()
             number = self.node.size
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         games = flat(self.games, np.int64), flat(rows, np.int64)
-        seen = looks, flat(streets.columns.xy, np.float64), *pairs
         of_maps = self._state.no_node, self._road_distances().first
-        return self._made_observers(mask, games, (choice, offsets, targets), seen, of_maps)
+        return self._made_observers(mask, games, (choice, offsets, targets), (search, *pairs), of_maps)
 
     def _made_observers(
         self,
@@ -513,7 +513,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             mask: the living agents, in rows of the output.
             games: the numbers of the games, and the first row of each.
             legal: the legal nodes.
-            seen: the sensors, the positions of nodes, and the pairs of agents.
+            seen: the search for visible agents, or the pairs of agents.
             first: (all games,) the first node of the map of each game, and of its roads in the tables of distances.
         """
         roster = self.roster
@@ -538,15 +538,10 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             seen=visible,
         )
 
-    def _plain_looks(self) -> sight.SensorTable | None:
-        """Return the sensors of all agents in the form of the core; None: some have no such form."""
-        state = self._state
-        if self._movement.leaves_nodes or state.noted:
-            return None
-        if "looks" not in state.shared:
-            state.shared["looks"] = make_looks(self.roster, [True] * len(self.roster.names))
-        found: sight.SensorTable = state.shared["looks"]
-        return found
+    @property
+    def _has_plain_looks(self) -> bool:
+        """Whether the core finds the agents that all sensors show, from nodes."""
+        return not (self._movement.leaves_nodes or self._state.noted)
 
     @property
     def living(self) -> BoolArray:
@@ -826,7 +821,7 @@ def writers_of(
         The writer; None if observations change with more than the columns of the core, or sensors differ between maps.
     """
     those = [view.of(agents) for view in views]
-    if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
+    if not all(one._movement.are_plain(agents) and one._has_plain_looks for one in those):
         return None
     looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
     if any(one != looks[0] for one in looks):
@@ -837,7 +832,7 @@ def writers_of(
     first = np.cumsum([0, *(one.num_nodes for one in streets)])
     first_node = first[maps]
     sensors = sight.SensorTable(*looks[0], len(own.roster.teams))
-    seen = sensors, flat(np.concatenate(xy), np.float64), *_NO_PAIRS
+    seen = make_search(own._state, sensors, np.concatenate(xy)), *_NO_PAIRS
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
     legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))

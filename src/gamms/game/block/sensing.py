@@ -15,7 +15,7 @@ from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.block.columns import PlayedGame, kept_in, places_of, sensors_of, some_rows
 from gamms.game.block.state import GameArrays
-from gamms.game.block.strategy_steps import has_plain_looks, looks_of
+from gamms.game.block.strategy_steps import has_plain_looks, looks_of, make_search
 from gamms.game.conflicts import flat
 from gamms.game.cursor.pointed import PointedContext
 from gamms.ir.graph import FloatArray, IntArray
@@ -226,7 +226,7 @@ def _seen_in_core(
     axes: Callable[[], FloatArray | None],
 ) -> IntArray:
     """Return columns (games, agents, others, nodes) of the agents that plain sensors show, sorted."""
-    search = kept_in(state.searches, (tuple(names), tuple(state.noted)), lambda: _search_for(state, names))
+    search = find_search(state, names)
     xy = axes()
     own = _ON_NODES if xy is None else flat(xy, np.float64)
     who = search, flat(games, np.int64), own, flat(agents, np.int64), flat(asked.view(np.uint8), np.uint8)
@@ -242,26 +242,17 @@ def _seen_in_core(
     return pairs[:, :total]
 
 
-def _search_for(state: GameArrays, names: Sequence[str]) -> observe.AgentSearch:
+def find_search(state: GameArrays, names: Sequence[str] = ()) -> sight.AgentSearch:
     """Return the search for the agents that plain sensors of these names, or all, show."""
+    return kept_in(state.searches, (tuple(names), tuple(state.noted)), lambda: _search_for(state, names))
+
+
+def _search_for(state: GameArrays, names: Sequence[str]) -> sight.AgentSearch:
     roster = state.roster
-    agents = len(roster.names)
-    looking = [number not in state.noted for number in range(agents)]
+    looking = [number not in state.noted for number in range(len(roster.names))]
     key = "plain", tuple(names), tuple(state.noted)
     looks = kept_in(state.shared, key, lambda: looks_of(roster, looking, names))
-    sensors = sight.SensorTable(*looks, len(roster.teams))
-    x = state.streets.columns.xy[:, 0]
-    order = np.argsort(x.take(state.node, mode="clip"), axis=1)  # nodes on other maps may have larger numbers
-    by_x = sight.AgentsByX(
-        agents,
-        flat(np.zeros((*state.node.shape, 2)), np.float64),
-        flat(state.alive.view(np.uint8), np.uint8),
-        flat(order, np.int64),
-        flat(np.zeros_like(order), np.int64),
-        flat(roster.team_of, np.int64),
-        flat(np.zeros(agents), np.int64),
-    )
-    return observe.AgentSearch(sensors, by_x, flat(state.node, np.int64), flat(state.streets.columns.xy, np.float64))
+    return make_search(state, sight.SensorTable(*looks, len(roster.teams)), state.streets.columns.xy)
 
 
 def _sighted(

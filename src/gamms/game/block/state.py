@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.core import observe, rules
+from gamms.core import rules, sight
 from gamms.core.flight import TurnFlights
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
@@ -570,7 +570,7 @@ class GameArrays(BatchColumns):
         self.unchecked = set[Hashable]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
-        self.searches: dict[Hashable, observe.AgentSearch] = {}
+        self.searches: dict[Hashable, sight.AgentSearch] = {}
         self.asked: dict[Hashable, Any] = {}
         self.noted_moves: NotedMoves | None = None
         self.noted: dict[int, list[str]] = {}

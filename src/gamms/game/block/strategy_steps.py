@@ -16,7 +16,7 @@ from gamms.game.conflicts import flat
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.routes import PathTables
 from gamms.game.strategy_specs import CoreStep
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
@@ -80,9 +80,27 @@ def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] =
     )
 
 
-def make_looks(roster: AgentTable, looking: Sequence[bool]) -> sight.SensorTable:
-    """Return the plain sensors of a roster's agents, for the core."""
-    return sight.SensorTable(*looks_of(roster, looking), len(roster.teams))
+def make_search(
+    state: GameArrays, looks: sight.SensorTable, xy: FloatArray, order: IntArray | None = None
+) -> sight.AgentSearch:
+    """Return a search for the agents that sensors show, in all games.
+
+    Args:
+        state: the state of the games.
+        looks: the sensors of the agents.
+        xy: (nodes, 2) the positions of the nodes.
+        order: (games, agents) receives the agents by x; None: a new array, with their present order.
+    """
+    if order is None:  # nodes on other maps may have larger numbers
+        order = np.argsort(xy[:, 0].take(state.node, mode="clip"), axis=1)
+    return sight.AgentSearch(
+        looks,
+        flat(state.node, np.int64),
+        flat(state.alive.view(np.uint8), np.uint8),
+        flat(state.roster.team_of, np.int64),
+        flat(xy, np.float64),
+        flat(order, np.int64),
+    )
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -191,10 +209,8 @@ class StrategySteps:
         looking = [_looks(one) for one in steps]
         shape = state.node.shape if any(looking) else (0, state.node.shape[1])
         self._order = np.zeros(shape, np.int64)
-        places = flat(np.zeros((*shape, 2)), np.float64)
-        alive = flat(np.zeros(shape), np.uint8)
-        self._agents = places, alive, flat(self._order, np.int64), flat(np.zeros(shape), np.int64)
-        self._looks = make_looks(state.roster, looking)
+        looks = sight.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams))
+        self._search = make_search(state, looks, state.streets.columns.xy, self._order)
         for key in self._remembered:
             self._kept(key)
         self.memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
@@ -232,12 +248,8 @@ class StrategySteps:
         """Return the strategies for the thread of this number."""
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self.memory.reshape(-1).data
-        xy = flat(self._state.streets.columns.xy, np.float64)
         ways = self._paths.of_thread(thread).core
-        team = self._state.roster.team_of
-        seen = flat(np.zeros(len(team)), np.int64)
-        by_x = sight.AgentsByX(len(team), *self._agents, flat(team, np.int64), seen)
-        return strategies.Strategies(games, self._steps, ways, self._looks, by_x, xy, keys, memory)
+        return strategies.Strategies(games, self._steps, ways, self._search, keys, memory)
 
     def take_memories(self, games: IntArray) -> None:
         """Read the memories of agents in some games from the state of the batch, and order the agents by x."""

@@ -209,7 +209,7 @@ def room_for(agents: int, others: int, ways: routes.NearbyDistances | None = Non
 
     `ways` are the distances by road; None: they are not asked for.
     """
-    seen: Any = np.zeros(agents, np.int64).data, np.zeros(agents, np.uint8).data
+    seen: Any = *(np.zeros(agents, np.int64).data for _ in range(2)), np.zeros(agents, np.uint8).data
     nearest: Any = np.zeros(others + 1).data, np.zeros(others + 1, np.int64).data
     buffers: Any = *seen, *nearest, ways
     return observe.NearestAgents(*buffers)
