@@ -61,15 +61,15 @@ cdef class NodeFeatures:
 cdef class LearnerTurn:
     cdef i64 games, agents
     cdef bint may_return
-    cdef const u8[::1] over, late
-    cdef const double[::1] earned
     cdef i64[::1] counts, moves
-    cdef u8[::1] alive, was_over, plays, terminated, truncated
-    cdef double[::1] rewards
+    cdef u8[::1] alive, over, late, was_over, plays, terminated, truncated
+    cdef double[::1] earned, rewards
 
 
-@cython.locals(game=i64, row=i64)
-cpdef int begin_turn(LearnerTurn t) except -1
+@cython.locals(game=i64)
+cpdef int begin_turns(LearnerTurn t) except -1
+@cython.locals(row=i64)
+cdef int begin_turn(LearnerTurn t, i64 game) except -1 nogil
 @cython.locals(game=i64)
 cpdef int write_masks(LearnerTurn t, u8[::1] legal) except -1
 @cython.locals(actions=i64, row=i64, action=i64)
@@ -88,8 +88,10 @@ cpdef int observe_turns_aside(
     i64 begin,
     i64 end,
 ) except -1
-@cython.locals(found=i64, game=i64, row=i64, is_over=bint, is_late=bint, plays=bint, counts=bint, is_out=bint)
-cpdef i64 end_turn(LearnerTurn t) except -1
+@cython.locals(found=i64, game=i64)
+cpdef i64 end_turns(LearnerTurn t) except -1
+@cython.locals(found=i64, row=i64, is_over=bint, is_late=bint, plays=bint, counts=bint, is_out=bint)
+cdef i64 end_turn(LearnerTurn t, i64 game) except -1 nogil
 
 
 @cython.locals(room=i64, seen=i64[::1], found=i64, place=i64, game=i64, viewer=i64, count=i64, number=i64)
@@ -104,6 +106,8 @@ cpdef i64 list_seen(
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
+@cython.locals(choice=i64)
+cdef i64 count_legal(Observers o, i64 game, i64 agent) except -1 nogil
 @cython.locals(row=i64, base=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
 cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game, i64 agent) except -1 nogil
 cdef int begin_looks(Observers o, i64 game) except -1 nogil

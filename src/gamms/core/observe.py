@@ -126,7 +126,7 @@ class VectorObservations:
         actions: the number of actions in a vector.
         others: the number of other agents in a vector.
         entries: the length of a vector; entries after those of other agents are 0, except that the last one is n / (n +
-            100) after n turns.
+            100) after n turns. 0: no vectors are written, only the legal actions.
         values: (rows * entries,) the vectors.
         legal: (rows * actions,) 1: the action is legal; dead agents can only stay.
         counts: (rows,) the number of legal actions.
@@ -275,14 +275,20 @@ class LearnerTurn:
         self.may_return = may_return
 
 
-def begin_turn(t: LearnerTurn) -> int:
-    """Note which learners take part in a turn, and replace illegal actions by 0."""
+def begin_turns(t: LearnerTurn) -> int:
+    """Begin a turn in all games; see `begin_turn`."""
     for game in range(t.games):
-        t.was_over[game] = t.over[game]
-        for row in range(game * t.agents, (game + 1) * t.agents):
-            t.plays[row] = t.alive[row] and not t.over[game]
-            if t.moves[row] < 0 or t.moves[row] >= t.counts[row]:
-                t.moves[row] = 0
+        begin_turn(t, game)
+    return 0
+
+
+def begin_turn(t: LearnerTurn, game: int) -> int:
+    """Note which learners of a game take part in a turn, and replace illegal actions by 0."""
+    t.was_over[game] = t.over[game]
+    for row in range(game * t.agents, (game + 1) * t.agents):
+        t.plays[row] = t.alive[row] and not t.over[game]
+        if t.moves[row] < 0 or t.moves[row] >= t.counts[row]:
+            t.moves[row] = 0
     return 0
 
 
@@ -331,20 +337,27 @@ def observe_turns_aside(
     return 0
 
 
-def end_turn(t: LearnerTurn) -> int:
-    """Write the rewards and ends of a turn; return the number of learners that ended."""
+def end_turns(t: LearnerTurn) -> int:
+    """Write the rewards and ends of a turn in all games; return the number of learners that ended."""
     found = 0
     for game in range(t.games):
-        is_over = t.over[game]
-        is_late = t.late[game]
-        for row in range(game * t.agents, (game + 1) * t.agents):
-            plays = t.plays[row]
-            t.rewards[row] = t.earned[row] if plays else 0.0
-            counts = plays or (t.may_return and not t.was_over[game])
-            is_out = not (t.may_return or t.alive[row])
-            t.terminated[row] = counts and (is_out or (is_over and not is_late))
-            t.truncated[row] = counts and is_late and not is_out
-            found += t.terminated[row] or t.truncated[row]
+        found += end_turn(t, game)
+    return found
+
+
+def end_turn(t: LearnerTurn, game: int) -> int:
+    """Write the rewards and ends of a turn in a game; return the number of learners that ended."""
+    found = 0
+    is_over = t.over[game]
+    is_late = t.late[game]
+    for row in range(game * t.agents, (game + 1) * t.agents):
+        plays = t.plays[row]
+        t.rewards[row] = t.earned[row] if plays else 0.0
+        counts = plays or (t.may_return and not t.was_over[game])
+        is_out = not (t.may_return or t.alive[row])
+        t.terminated[row] = counts and (is_out or (is_over and not is_late))
+        t.truncated[row] = counts and is_late and not is_out
+        found += t.terminated[row] or t.truncated[row]
     return found
 
 
@@ -405,7 +418,9 @@ def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int
     for i in range(o.agents):
         row = o.rows[game] + i
         count = 1
-        if o.is_asked[row]:
+        if o.is_asked[row] and v.entries == 0:
+            count = count_legal(o, game, i)
+        elif o.is_asked[row]:
             count = _write(o, v, found, game, i)
         else:
             for entry in range(row * v.entries, (row + 1) * v.entries):
@@ -414,6 +429,14 @@ def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int
         for action in range(v.actions):
             v.legal[row * v.actions + action] = action < count
     return 0
+
+
+def count_legal(o: Observers, game: int, agent: int) -> int:
+    """Return the number of legal actions of an observer of the game at a place."""
+    choice = o.first_node[o.games[game]] + node_of(o, game, agent)
+    if not o.are_by_node:
+        choice = o.choice[o.rows[game] + agent]
+    return o.offsets[choice + 1] - o.offsets[choice]
 
 
 def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int, agent: int) -> int:

@@ -45,6 +45,9 @@ GONE = -2  # instead of the agent that carries a flag: it was deleted
 NOBODY = -1
 LEADER = -2  # as a winner: the team with the highest score
 ITS_TEAM = -3  # the team that reached its goal
+# why a game is over
+BY_EVENT = 1
+BY_TIME = 2  # no rule but its time limit has ended it
 # the same for callers in Python, which do not see constants with a C type
 KINDS = (  # by number
     *("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end", "call"),
@@ -81,7 +84,7 @@ class GameColumns:
         stops: (games * rows,) how often the agent was tagged, respawned or eliminated.
         home: (games * rows,) the node where it respawns; -1: it is not in the game.
         turn: (games,) the number of turns played.
-        over: (games,) 1: a rule has ended the game.
+        over: (games,) `BY_EVENT`: a rule has ended the game; `BY_TIME`: only its time limit has; 0: it goes on.
         score: (games * teams,) the score of each team.
         team: (agents,) the team of each agent.
         plays: (games * teams,) 1: the team has, or had, an agent in the game.
@@ -253,7 +256,7 @@ def end_game(games: GameColumns, events: Events, game: int, rule: int, winner: i
         rule: the number of the rule that ends it.
         winner: the winning team; `NOBODY`; or `LEADER`, the team with the highest score, if no other team has it.
     """
-    games.over[game] = 1
+    games.over[game] = BY_EVENT
     if winner == LEADER:
         winner = leader(games, game)
     return events.put(game, games.turn[game], rule, END, winner, -1, -1)
@@ -1180,7 +1183,10 @@ class TimeLimitRule(Rule):
     def happen(self, game: int) -> int:
         """End the game at the limit."""
         if self.games.turn[game] >= self.last:
+            is_first = not self.games.over[game]
             end_game(self.games, self.events, game, self.number, self.winner)
+            if is_first:
+                self.games.over[game] = BY_TIME
         return 0
 
 

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport arrivals, conflicts, moves, rules
+from gamms.core cimport arrivals, conflicts, moves, observe, rules
 from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask cimport ask_each
 from gamms.core.conflicts cimport Contests, MoveRequests
@@ -57,6 +57,27 @@ cdef class TurnsOfGames:
 
 @cython.locals(place=i64, game=i64, until=i64)
 cpdef int begin_turns(TurnsOfGames t, i64 most) except -1
+
+
+@cython.final
+cdef class LearnerStep:
+    cdef TurnsOfGames turns
+    cdef observe.LearnerTurn learners
+    cdef i64[::1] given
+    cdef const double[::1] score
+    cdef i64 teams
+    cdef observe.Observers observers
+    cdef observe.VectorObservations output
+    cdef observe.NearestAgents room
+    cdef readonly i64 num_ended
+
+
+@cython.locals(game=i64, player=Player)
+cpdef int play_step(LearnerStep s, list players, i64 begin, i64 end) except -1
+@cython.locals(learner=i64, row=i64, agent=i64)
+cdef int take_actions(LearnerStep s, observe.LearnerTurn t, observe.VisibleAgents seen, i64 game) except -1 nogil
+@cython.locals(why=u8, is_last=bint, learner=i64, row=i64)
+cdef i64 end_step(LearnerStep s, observe.LearnerTurn t, observe.VisibleAgents seen, i64 game) except -1 nogil
 
 
 @cython.final

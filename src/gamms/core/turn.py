@@ -34,7 +34,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import Any
 
-from gamms.core import arrivals, conflicts, moves, rules
+from gamms.core import arrivals, conflicts, moves, observe, rules
 from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask import DecidingAgent, SensorCall, ask_each
 from gamms.core.block import INT64
@@ -253,6 +253,90 @@ def begin_turns(t: TurnsOfGames, most: int) -> int:
         if t.going[game] and not t.apart[game] and t.turn[game] < until:
             t.until[t.map_of[game] * len(t.turn) + game] = until * t.parts
     return 0
+
+
+class LearnerStep:
+    """A step of learners in the games of a batch, as one thread plays it: `play_step`.
+
+    Attributes:
+        turns: the turns of the games.
+        learners: what the learners choose and get.
+        given: (games * agents,) the given actions of all agents; receives those of the learners.
+        score: (games * teams,) the scores of the teams.
+        teams: the number of teams.
+        observers: the learners as observers, in the same order.
+        output: receives their vectors and legal actions.
+        room: working memory.
+        num_ended: the number of learners that ended in the last step.
+    """
+
+    def __init__(
+        self,
+        turns: TurnsOfGames,
+        learners: observe.LearnerTurn,
+        given: memoryview[int],
+        score: memoryview[float],
+        teams: int,
+        observers: observe.Observers,
+        output: observe.VectorObservations,
+        room: observe.NearestAgents,
+    ) -> None:
+        self.turns = turns
+        self.learners = learners
+        self.given = given
+        self.score = score
+        self.teams = teams
+        self.observers = observers
+        self.output = output
+        self.room = room
+        self.num_ended = 0
+
+
+def play_step(s: LearnerStep, players: list[Player], begin: int, end: int) -> int:
+    """Play a turn of the games `begin` to `end - 1` with the actions of learners; write what they get and see.
+
+    The reward of a learner is the change of the score of its team.
+
+    Args:
+        s: the step.
+        players: play the games, those on each map.
+        begin: the first game.
+        end: the number behind the last one.
+    """
+    with cython.nogil:
+        for game in range(begin, end):
+            take_actions(s, s.learners, s.observers.seen, game)
+    for player in players:
+        play_aside(player, begin, end)
+    s.num_ended = 0
+    with cython.nogil:
+        for game in range(begin, end):
+            s.num_ended += end_step(s, s.learners, s.observers.seen, game)
+    return 0
+
+
+def take_actions(s: LearnerStep, t: observe.LearnerTurn, seen: observe.VisibleAgents, game: int) -> int:
+    """Give the actions of the learners of a game to their agents, and note the scores of their teams."""
+    observe.begin_turn(t, game)
+    for learner in range(t.agents):
+        row = game * t.agents + learner
+        agent = seen.viewers[learner]
+        s.given[game * seen.agents + agent] = t.moves[row]
+        t.earned[row] = s.score[game * s.teams + seen.team[agent]]
+    return 0
+
+
+def end_step(s: LearnerStep, t: observe.LearnerTurn, seen: observe.VisibleAgents, game: int) -> int:
+    """Write what the learners of a game get and see after a turn; return the number of those that ended."""
+    why = s.turns.over[game]
+    is_last = s.turns.last >= 0 and s.turns.turn[game] >= s.turns.last
+    t.over[game] = why > 0 or is_last
+    t.late[game] = why == rules.BY_TIME or (is_last and why == 0)
+    for learner in range(t.agents):
+        row = game * t.agents + learner
+        t.earned[row] = s.score[game * s.teams + seen.team[seen.viewers[learner]]] - t.earned[row]
+    observe.observe_turn(t, s.observers, s.output, s.room, game)
+    return observe.end_turn(t, game)
 
 
 # -- the order of phases -------------------------------------------------------------------------------------------

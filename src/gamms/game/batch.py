@@ -26,7 +26,7 @@ from gamms.arguments import (
 from gamms.compat import Surface
 from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
-from gamms.game.array_functions.view import ArrayView
+from gamms.game.array_functions.view import ArrayView, LearnerWriter
 from gamms.game.batch_engine import BatchEngine, movement_in_core
 from gamms.game.block.columns import (
     BYTES_PER_AGENT,
@@ -249,12 +249,25 @@ class Batch(Surface, Immutable, NotPickled):
         self._step(given, min(as_count(threads, "threads"), len(self)))
         return ~self._engine.is_over
 
-    def _step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool = True) -> None:
-        """Play one turn, and log the given actions, unless strategies that play again remember them."""
+    def _step(
+        self,
+        given: Mapping[Hashable, OutsideActions],
+        threads: int,
+        *,
+        is_logged: bool = True,
+        writer: LearnerWriter | None = None,
+    ) -> None:
+        """Play one turn, and log the given actions, unless strategies that play again remember them.
+
+        `writer` is for turns that the core plays at once; see `BatchEngine.play`.
+        """
         with self._playing():
             is_played = False
             while not is_played:  # Ctrl-C may do something else than to raise an error
-                is_played = self._try_step(given, threads, is_logged=is_logged)
+                if self._engine.plays_moves(given):
+                    is_played = self._try_play(1, threads, given, is_logged=is_logged, writer=writer)
+                else:
+                    is_played = self._try_step(given, threads, is_logged=is_logged)
         self._follow()
 
     def _interrupt(self) -> None:
@@ -263,8 +276,6 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> bool:
         """Play one turn, and log it; return whether it was played, and not interrupted and taken back."""
-        if self._engine.plays_moves(given):
-            return self._try_play(1, threads, given, is_logged=is_logged)
         before = self._engine.turns()
         is_played = False
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
@@ -430,13 +441,14 @@ class Batch(Surface, Immutable, NotPickled):
         given: Mapping[Hashable, OutsideActions] | None = None,
         *,
         is_logged: bool = False,
+        writer: LearnerWriter | None = None,
     ) -> bool:
         """Play some turns in the core, at most `most`, and log them; return whether any was played.
 
-        None is played if Ctrl-C was pressed in a long turn. See `BatchEngine.play` for `given`.
+        None is played if Ctrl-C was pressed in a long turn. See `BatchEngine.play` for `given` and `writer`.
         """
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
-            played = self._engine.play(most, threads, given)
+            played = self._engine.play(most, threads, given, writer)
             if given is None:
                 self._log += [{}] * played
                 self._steps += played
@@ -933,7 +945,14 @@ def _step_again(game: PlayedGame) -> None:
             raise
 
 
-def step_with(games: Batch, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> None:
+def step_with(
+    games: Batch,
+    given: Mapping[Hashable, OutsideActions],
+    threads: int,
+    *,
+    is_logged: bool,
+    writer: LearnerWriter | None = None,
+) -> None:
     """Play one turn of all games that are not over, with checked actions.
 
     Args:
@@ -941,9 +960,15 @@ def step_with(games: Batch, given: Mapping[Hashable, OutsideActions], threads: i
         given: team -> the actions of its agents; the batch keeps their arrays.
         threads: the number of threads that play.
         is_logged: whether the batch logs the actions to play games again; else strategies remember them.
+        writer: writes what learners get and see, if the core plays the turn at once; see `plays_at_once`.
     """
     games._refuse_closed()
-    games._step(given, threads, is_logged=is_logged)
+    games._step(given, threads, is_logged=is_logged, writer=writer)
+
+
+def plays_at_once(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
+    """Return whether the core plays a whole turn with these actions in one call."""
+    return games._engine.plays_moves(given)
 
 
 def load_columns(

@@ -11,12 +11,12 @@ import numpy as np
 
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
-from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns
+from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns, play_step
 from gamms.deciding import DecidePhase
 from gamms.errors import GammsError
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
-from gamms.game.array_functions.view import ArrayStrategy, ArrayView, TowardsInBatch, asked_view
+from gamms.game.array_functions.view import ArrayStrategy, ArrayView, LearnerWriter, TowardsInBatch, asked_view
 from gamms.game.block.channels import MessageTraffic, radio_of
 from gamms.game.block.columns import (
     AgentTable,
@@ -802,7 +802,13 @@ class BatchEngine(TurnDriver):
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def play(self, most: int, threads: int, given: Mapping[Hashable, OutsideActions] | None = None) -> int:
+    def play(
+        self,
+        most: int,
+        threads: int,
+        given: Mapping[Hashable, OutsideActions] | None = None,
+        writer: LearnerWriter | None = None,
+    ) -> int:
         """Play some turns of the games that are not over, at most `most`; return the largest number played.
 
         Only for games without functions. As many turns are played as take a moment, but at least one.
@@ -811,6 +817,7 @@ class BatchEngine(TurnDriver):
             most: the largest number of turns.
             threads: the number of threads.
             given: team -> the moves of its agents in a single turn, see `plays_moves`; None: all decide themselves.
+            writer: takes the moves itself, and writes what learners get and see; None: nobody looks.
 
         Raises:
             TurnInterrupted: Ctrl-C was pressed in a long turn, which was not played.
@@ -819,7 +826,7 @@ class BatchEngine(TurnDriver):
             self.step({})
             return 1
         if given is not None:
-            return self._play_given(given, threads)
+            return self._play_given(given, threads, writer)
         before = self._state.turn.copy()
         count = min(most, max(1, int(_MOMENT_S / max(self._seconds, _MOMENT_S / _MOST_AT_ONCE))))
         self._play_turns(count, None, threads)
@@ -827,21 +834,29 @@ class BatchEngine(TurnDriver):
         self._seconds /= max(played, 1)
         return played
 
-    def _play_given(self, given: Mapping[Hashable, OutsideActions], threads: int) -> int:
+    def _play_given(self, given: Mapping[Hashable, OutsideActions], threads: int, writer: LearnerWriter | None) -> int:
         """Play a turn with given moves; return 1."""
         are_legal = all(one.are_legal for one in given.values())
         playing = self._state.is_going if are_legal else self.playing  # where moves are checked
         self._begin_turn(playing, given, threads)
-        self._take_moves(playing, given, None)
-        self._play_turns(1, self._now.agents.takes, threads)
+        if writer is None:
+            self._take_moves(playing, given, None)
+        try:
+            self._play_turns(1, self._now.agents.takes, threads, writer)
+        except TurnInterrupted:
+            if writer is not None:  # the turn was taken back
+                writer.look()
+            raise
         return 1
 
-    def _play_turns(self, most: int, takes: Sequence[BoolArray] | None, threads: int) -> None:
+    def _play_turns(
+        self, most: int, takes: Sequence[BoolArray] | None, threads: int, writer: LearnerWriter | None = None
+    ) -> None:
         """Play some turns of the games that are not over, at most `most`; see `_play`."""
         begin_turns(self._turns, most)
         put_scores(self._state, self._block.score)
         with self._interruptible(is_given=False, is_single=True):  # no function can raise
-            self._run_core(takes, threads, None)
+            self._run_core(takes, threads, None, writer)
             if self._block.illegal and self._is_strict:
                 self._raise_illegal()
 
@@ -1245,17 +1260,31 @@ class BatchEngine(TurnDriver):
         self._block.give()
         self._run_core(takes, threads, phase)
 
-    def _run_core(self, takes: Sequence[BoolArray] | None, threads: int, phase: int | None) -> None:
-        """Play the games that `CoreColumns.until` selects; see `_play`."""
+    def _run_core(
+        self,
+        takes: Sequence[BoolArray] | None,
+        threads: int,
+        phase: int | None,
+        writer: LearnerWriter | None = None,
+    ) -> None:
+        """Play the games that `CoreColumns.until` selects; see `_play` and `play`."""
         cores = [one.core for one in self._maps]
         for number, core in enumerate(cores):
             core.prepare(None if takes is None else takes[number], threads)
 
         def play_part(thread: int, begin: int, end: int) -> None:
+            if writer is not None:
+                play_step(steps[thread], [core.player(thread) for core in cores], begin, end)
+                return
             for core in cores:
                 core.play_part(thread, begin, end, phase)
 
+        if writer is not None:
+            columns = memory_of(self._block.given), memory_of(self._block.score)
+            steps = writer.begin_step(self._turns, *columns, self._block.score.shape[1])
         in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
+        if writer is not None:
+            writer.end_step()
         for core in cores:
             core.finish()
         self._block.take_in()

@@ -13,8 +13,8 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.given import OutsideActions
-from gamms.game.array_functions.view import ArrayView, VectorWriter, movement_in, vectors_in, writers_of
-from gamms.game.batch import Batch, MostAgents, step_with
+from gamms.game.array_functions.view import ArrayView, LearnerWriter, movement_in, vectors_in, writer_of
+from gamms.game.batch import Batch, MostAgents, plays_at_once, step_with
 from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -89,14 +89,11 @@ class Learners:
         teams: the learning teams.
         names: the names of the agents, team by team, sorted within a team.
         num_actions: the largest number of actions; action 0 stays.
-        masks: (games, agents, actions) the legal actions; only 0 for dead agents and in finished games.
         deeds: the deed choices of agents; None: the scenario declares no deeds.
         flies: (agents,) whether agents fly.
         any_fly, all_fly: whether some of them, or all, fly.
         reach_m: (agents,) the reach of flying agents in a turn, map units; 0 for the others.
-        alive: (games, agents) whether agents take part.
         is_there: (games, agents) whether agents are in the game, dead or alive; the others do not exist yet.
-        is_over: (games,) whether games have ended.
         has_begun: whether games have begun; before that, environments play no turn.
         stride: the number of games, including those of other processes.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
@@ -191,9 +188,9 @@ class Learners:
         game = self.games.game
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         self._turn = TurnArrays(self._shape, may_return=self.may_return)
-        self._found: tuple[Float32Array, BoolArray] | None = None  # observations and masks, if the core writes them
+        self._given = self._moves_by_team()
         self._begin_writing()
-        self._remember()
+        self._look()
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in learners], np.bool_)
@@ -245,8 +242,8 @@ class Learners:
 
     def observe(self, which: IntArray | None = None) -> Any:
         """Return the observations of all agents, (games, agents, …), in the games `which`; None: all."""
-        if self._found is not None:
-            values = self._found[0]
+        if self._writer is not None and self._is_written and self._has_vectors:
+            values = self._writer.values
             return values if which is None else values[which]
         if which is None:
             return joined([self._observed_by(views) for views in self._now])
@@ -281,39 +278,51 @@ class Learners:
                 turn. A flight longer than 1 is shortened to 1; one that is not finite hovers. None: all hover.
         """
         self._refuse_closed()
-        before = None if self._reward is None else self._now
-        scores = self._scores
-        moves = self._turn.moves
-        moves[:] = self._numbers_of(actions)
-        self._turn.begin()
-        done = None
-        flown = None
+        turn = self._turn
+        turn.moves[:] = self._numbers_of(actions)
+        given = self._given
+        heads = [turn.moves]
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
-            done = np.where(are_in(self.deed_masks, done), done, 0)
+            heads.append(np.where(are_in(self.deed_masks, done), done, 0))
+            given = self._with_deeds(given, heads[1])
+        flown = None
         if flights is not None and self.any_fly:
             flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
-        self._play(moves, done, flown)
-        self._prefix.add(~self.is_over, [moves] if done is None else [moves, done], flights)
-        self._remember()
+            given = self._with_flights(given, flown)
+        if self._scripted is not None:
+            given = self._script(given, heads, flown)
+        before = None if self._reward is None else self._now
+        is_at_once = self._is_written and plays_at_once(self.games, given)
+        writer = self._writer if is_at_once else None
+        scores = {} if is_at_once and before is None else self.games.scores
+        if writer is None:
+            turn.begin()
+        step_with(self.games, given, self._threads, is_logged=self._scripted is None, writer=writer)
+        self._prefix.add(~turn.was_over, heads, flights)
+        self._known_views = None
+        if writer is not None and before is None:
+            return turn.outcome(writer.num_ended)
+        if writer is None:
+            self._look()
         self._earn(before, scores)
-        outcome = self._turn.end()
-        if self._reward is not None:
+        outcome = turn.end()
+        if before is not None:
             self._refuse_no_numbers(outcome.rewards)
         return outcome
 
-    def _play(self, moves: IntArray, done: IntArray | None, flown: FloatArray | None) -> None:
-        """Play one turn."""
-        given = self._given(moves, done, flown)
-        if self._scripted is not None:
-            self._scripted.take(self.games.turn, moves, done, flown)
-            if flown is not None or not self.games.is_in_arrays:
-                given = {}  # the strategy is called
-        step_with(self.games, given, self._threads, is_logged=self._scripted is None)
+    def _script(
+        self, given: dict[Hashable, OutsideActions], heads: Sequence[IntArray], flown: FloatArray | None
+    ) -> dict[Hashable, OutsideActions]:
+        """Store actions for the strategy of the only agent; return the actions to give, none if it is called."""
+        assert self._scripted is not None  # noqa: S101 - the caller has looked
+        self._turn.begin()  # only legal moves are stored
+        self._scripted.take(self.games.turn, heads[0], heads[1] if len(heads) > 1 else None, flown)
+        return given if flown is None and self.games.is_in_arrays else {}
 
     def _earn(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> None:
         """Write the rewards of a turn, also for agents that did not take part."""
-        gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
+        gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self.games.scores.items()}
         earned = self._turn.earned
         if self._reward is None or before is None:
             for team, columns in zip(self.teams, self._columns, strict=True):
@@ -380,7 +389,7 @@ class Learners:
         self._maps = self._list_maps()
         if self._writer is not None:
             self._writer.move(self.games.maps)
-        self._remember(which)
+        self._look(which)
 
     def carried(self) -> GamesCheckpoint:
         """Return a checkpoint of the games, for `restore` in learners of the same scenario and options."""
@@ -427,7 +436,8 @@ class Learners:
             z = np.concatenate([view["z"] for view in views], axis=1)[:, order]
             shares = np.concatenate((shares, z[..., None] * (2.0 / _longer_side(nodes))), axis=2)
         of_agents = np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2)
-        scores = [self._scores.get(team, np.zeros(len(self.games))) for team in self.games.teams]
+        known = self.games.scores
+        scores = [known.get(team, np.zeros(len(self.games))) for team in self.games.teams]
         parts = (
             of_agents.reshape(len(self.games), -1),
             (self.games.turn / (self.games.turn + 100.0))[:, None],
@@ -450,14 +460,16 @@ class Learners:
         return [games.observe(team, map=number) for team in self.teams]
 
     def _begin_writing(self) -> None:
-        """Choose whether the core writes the observations."""
-        self._writer: VectorWriter | None = None
+        """Choose whether the core writes the legal actions, and the observations."""
+        self._writer: LearnerWriter | None = None
+        self._is_written = False  # whether the writer has written the current turn
+        self._has_vectors = self.observation is default_observation
         self._roster = self.games.roster
-        if self.observation is default_observation and self.games.is_in_arrays:
+        if self.games.is_in_arrays:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
-            others = min(_num_public(views[0]) - 1, _MOST_OTHERS)
+            others = min(_num_public(views[0]) - 1, _MOST_OTHERS) if self._has_vectors else None
             members = np.concatenate([view.agents for view in self._views(0)])
-            self._writer = writers_of(views, self.games.maps, members, self._turn, others, self._threads)
+            self._writer = writer_of(views, self.games.maps, members, self._turn, others, self._threads)
 
     def _list_maps(self) -> list[int]:
         """Return the numbers of the maps that have games."""
@@ -476,31 +488,41 @@ class Learners:
             self._known_views = self._seen_now()
         return self._known_views
 
-    def _remember(self, which: IntArray | None = None) -> None:
-        """Update the stored state from the games; `which`: the games that were reset, None: a turn was played."""
+    def _look(self, which: IntArray | None = None) -> None:
+        """Update what agents may do, and see if the core writes it; `which`: the games that were reset; None: all."""
         self._known_views = None
         if self.games.roster is not self._roster:
             self._begin_writing()
-        self._scores = self.games.scores
-        self.is_over = self.games.is_over
         turn = self._turn
-        turn.over[:] = self.is_over
-        has_ended = bool(np.count_nonzero(self.is_over))
-        turn.late[:] = self.games.truncated if has_ended else False
-        if self._writer is not None and self.games.is_in_arrays and self._writer.hold():
-            self._found = self._writer.write(self._found, None if self._found is None else which)
-            self.alive: BoolArray = turn.alive.copy()
-            self.masks: BoolArray = self._found[1]
+        turn.over[:] = self.games.is_over
+        turn.late[:] = self.games.truncated if turn.over.any() else False
+        was_written = self._is_written
+        self._is_written = self._writer is not None and self.games.is_in_arrays and self._writer.hold()
+        if self._writer is not None and self._is_written:
+            self._writer.look(which if was_written else None)
             return
-        self._found = None
-        self.alive = joined([_in_order([view.mask for view in views], views) for views in self._now])
+        turn.alive[:] = joined([_in_order([view.mask for view in views], views) for views in self._now])
         if self._can_come:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
             self.is_there = joined(there)
-        turn.alive[:] = self.alive
         turn.counts[:] = joined([_in_order([view.counts for view in views], views) for views in self._now])
-        self.masks = np.empty((*self._shape, self.num_actions), np.bool_)
-        turn.write_masks(self.masks)
+        self._masks = np.empty((*self._shape, self.num_actions), np.bool_)
+        turn.write_masks(self._masks)
+
+    @property
+    def masks(self) -> BoolArray:
+        """The legal actions, (games, agents, actions); only 0 for dead agents and in finished games."""
+        return self._writer.legal if self._writer is not None and self._is_written else self._masks
+
+    @property
+    def alive(self) -> BoolArray:
+        """Whether agents take part, (games, agents)."""
+        return self._turn.alive.copy()
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Whether games have ended, (games,)."""
+        return self._turn.over.copy()
 
     @property
     def deed_masks(self) -> BoolArray:
@@ -514,21 +536,29 @@ class Learners:
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
-    def _given(
-        self, moves: IntArray, done: IntArray | None, flown: FloatArray | None
-    ) -> dict[Hashable, OutsideActions]:
-        """Return the actions of the agents of each team."""
-        given = {}
-        for number, (team, columns) in enumerate(zip(self.teams, self._columns, strict=True)):
-            deeds = {}
-            if done is not None and self.deeds is not None:
-                (view,) = self._now[number]
-                deeds = self.deeds.given(done[:, columns], view)
-            flights = None if flown is None or not self.flies[columns].any() else flown[:, columns]
-            given[team] = OutsideActions(
-                moves[:, columns], deeds, {}, flights, may_stay=True, are_legal=True, name=self.agent
-            )
-        return given
+    def _moves_by_team(self) -> dict[Hashable, OutsideActions]:
+        """Return team -> the moves of its agents in `TurnArrays.moves`, legal when a turn begins."""
+        moves = self._turn.moves
+        options: dict[str, Any] = {"may_stay": True, "are_legal": True, "name": self.agent}
+        return {
+            team: OutsideActions(moves[:, columns], {}, {}, **options)
+            for team, columns in zip(self.teams, self._columns, strict=True)
+        }
+
+    def _with_deeds(self, given: dict[Hashable, OutsideActions], done: IntArray) -> dict[Hashable, OutsideActions]:
+        """Return actions with the deeds of agents."""
+        assert self.deeds is not None  # noqa: S101 - the caller has looked
+        deeds = [
+            self.deeds.given(done[:, columns], *views) for columns, views in zip(self._columns, self._now, strict=True)
+        ]
+        return {team: one._replace(deeds=of) for (team, one), of in zip(given.items(), deeds, strict=True)}
+
+    def _with_flights(self, given: dict[Hashable, OutsideActions], flown: FloatArray) -> dict[Hashable, OutsideActions]:
+        """Return actions with the flights of agents, for the teams in which some fly."""
+        return {
+            team: one._replace(flights=flown[:, columns]) if self.flies[columns].any() else one
+            for (team, one), columns in zip(given.items(), self._columns, strict=True)
+        }
 
     def _numbers_of(self, given: ActionArray) -> IntArray:
         """Return the caller's actions as checked integers, (games, agents)."""

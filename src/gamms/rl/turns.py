@@ -110,7 +110,8 @@ class TurnArrays:
         may_return: whether agents that are out may come back.
 
     Attributes:
-        counts, alive, over, late, earned, moves: see `core.observe.LearnerTurn`; (games, agents), or (games,).
+        counts, alive, over, was_over, late, earned, moves: see `core.observe.LearnerTurn`; (games, agents), or
+            (games,).
         core: these arrays in the form of the core.
     """
 
@@ -118,7 +119,7 @@ class TurnArrays:
         self.counts, self.moves = np.zeros((2, *shape), np.int64)
         self.earned, self._rewards = np.zeros((2, *shape))
         self.alive, self._plays, self._terminated, self._truncated = np.zeros((4, *shape), np.bool_)
-        self.over, self.late, was_over = np.zeros((3, shape[0]), np.bool_)
+        self.over, self.late, self.was_over = np.zeros((3, shape[0]), np.bool_)
 
         self.core = observe.LearnerTurn(
             *shape,
@@ -128,7 +129,7 @@ class TurnArrays:
             data(self.late),
             data(self.earned),
             data(self.moves),
-            was_over=data(was_over),
+            was_over=data(self.was_over),
             plays=data(self._plays),
             rewards=data(self._rewards),
             terminated=data(self._terminated),
@@ -138,17 +139,20 @@ class TurnArrays:
 
     def begin(self) -> None:
         """Note which agents take part in a turn, and replace illegal moves by 0."""
-        observe.begin_turn(self.core)
+        observe.begin_turns(self.core)
 
     def write_masks(self, legal: BoolArray) -> None:
         """Write which actions are legal, (games, agents, actions), by `counts`; see `core.observe.write_masks`."""
         observe.write_masks(self.core, data(legal))
 
     def end(self) -> TurnOutcome:
-        """Return the outcome of the turn, in new arrays."""
-        ended = observe.end_turn(self.core)
+        """Write the rewards and ends of a turn, and return its outcome."""
+        return self.outcome(observe.end_turns(self.core))
+
+    def outcome(self, num_ended: int) -> TurnOutcome:
+        """Return the outcome of a turn in new arrays, given the number of agents that ended."""
         ends = self._terminated.copy(), self._truncated.copy()
-        return TurnOutcome(self._rewards.copy(), *ends, self._plays.copy(), ended)
+        return TurnOutcome(self._rewards.copy(), *ends, self._plays.copy(), num_ended)
 
 
 class ActionHistory:

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import copy, deepcopy
-from typing import Any, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.core import observe, sight
+from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
 from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
@@ -746,93 +747,140 @@ class TurnColumns(Protocol):
     counts: IntArray
 
 
-class VectorWriter(NamedTuple):
-    """Writes the observation vectors and legal actions of learners in all games, and who of them is alive.
+class LearnerWriter:
+    """Lets the core play the moves of learners, and write what they get and see, in all games.
 
-    Attributes:
+    Args:
         turn: the turns of the learners.
-        shape: the numbers of games and learners.
-        games: the numbers of all games.
         observers: the learners in the form of the core.
-        output: the form of their vectors.
-        rooms: scratch buffers; for each, a thread writes a part of the games.
+        output: the form of their vectors and legal actions.
+        rooms: scratch buffers; for each, a thread plays and writes a part of the games.
         first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
         first_node: (games,) the index of the first node of each game's map.
         roads: the open roads of the games on each map.
+
+    Attributes:
+        values: (games, learners, entries) the vectors that were written last.
+        legal: (games, learners, actions) the legal actions that were written last.
     """
 
-    turn: observe.LearnerTurn
-    shape: tuple[int, ...]
-    games: Any  # memoryviews are not subscriptable
-    observers: observe.Observers
-    output: observe.VectorObservations
-    rooms: list[observe.NearestAgents]
-    first: IntArray
-    first_node: IntArray
-    roads: list[OpenRoads]
+    values: Vectors32
+    legal: BoolArray
+
+    def __init__(
+        self,
+        turn: TurnColumns,
+        observers: observe.Observers,
+        output: observe.VectorObservations,
+        rooms: list[observe.NearestAgents],
+        first: IntArray,
+        first_node: IntArray,
+        roads: list[OpenRoads],
+    ) -> None:
+        self._turn = turn.core
+        self._shape = turn.alive.shape
+        self._games: Any = flat(np.arange(self._shape[0]), np.int64)  # memoryviews are not subscriptable
+        self._observers = observers
+        self._output = output
+        self._rooms = rooms
+        self._first = first
+        self._first_node = first_node
+        self._roads = roads
+        self._steps: list[LearnerStep] = []
+        self._make_arrays()
 
     def hold(self) -> bool:
         """Return whether the writer is still valid: in no game are roads open that differ from the start."""
-        return not any(roads.are_closed for roads in self.roads)
+        return not any(roads.are_closed for roads in self._roads)
 
     def move(self, maps: IntArray) -> None:
         """Set the map of each game by its number, (games,)."""
-        self.first_node[:] = self.first[maps]
+        self._first_node[:] = self._first[maps]
 
-    def write(
-        self, known: tuple[Vectors32, BoolArray] | None = None, which: IntArray | None = None
-    ) -> tuple[Vectors32, BoolArray]:
-        """Write the state of the learners, and return their vectors and legal actions in new arrays.
+    def _make_arrays(self) -> None:
+        """Make arrays for new vectors and legal actions."""
+        self.values = np.empty((*self._shape, self._output.entries), np.float32)
+        self.legal = np.empty((*self._shape, self._output.actions), np.bool_)
+        buffers: Any = self.values.reshape(-1).data, self.legal.view(np.uint8).reshape(-1).data
+        self._output.take(*buffers)
+
+    def look(self, which: IntArray | None = None) -> None:
+        """Write what the learners see into new arrays.
 
         Args:
-            known: the vectors and legal actions before some games were reset; they are copied for the other games.
-            which: the numbers of the games to write; None: all games.
+            which: the numbers of the games in which it has changed; None: all.
         """
-        output = self.output
-        values = np.empty((*self.shape, output.entries), np.float32)
-        legal = np.empty((*self.shape, output.actions), np.bool_)
-        if known is not None and which is not None:
-            values[:], legal[:] = known
-        games = self.games if which is None else flat(which, np.int64)
-        buffers: Any = values.reshape(-1).data, legal.view(np.uint8).reshape(-1).data
-        output.take(*buffers)
+        values = self.values
+        legal = self.legal
+        self._make_arrays()
+        games = self._games
+        if which is not None:
+            self.values[:] = values
+            self.legal[:] = legal
+            games = flat(which, np.int64)
 
         def write_part(room: observe.NearestAgents, begin: int, end: int) -> None:
-            observe.observe_turns_aside(self.turn, self.observers, output, room, games, begin, end)
+            observe.observe_turns_aside(self._turn, self._observers, self._output, room, games, begin, end)
 
-        write_in_threads(write_part, len(games), self.rooms)
-        return values, legal
+        write_in_threads(write_part, len(games), self._rooms)
+
+    def begin_step(self, turns: TurnsOfGames, given: Any, score: Any, teams: int) -> list[LearnerStep]:
+        """Return a step for each thread, which writes into new arrays; see `core.turn.LearnerStep`."""
+        if not self._steps:
+            of_games = turns, self._turn, given, score, teams, self._observers, self._output
+            self._steps = [LearnerStep(*of_games, room) for room in self._rooms]
+        for room in self._rooms:
+            room.searches = len(self._rooms) == 1
+            room.lacks = False
+        self._make_arrays()
+        return self._steps
+
+    def end_step(self) -> None:
+        """Look again if the threads of a step lack distances by road, which only one thread may search."""
+        if any(room.lacks for room in self._rooms):
+            self.look()
+
+    @property
+    def num_ended(self) -> int:
+        """The number of learners that ended in the last step."""
+        return sum(step.num_ended for step in self._steps)
 
 
-def writers_of(
-    views: Sequence[ArrayView], maps: IntArray, agents: IntArray, turn: TurnColumns, others: int, threads: int
-) -> VectorWriter | None:
-    """Return a writer of the observation vectors of learners, whose last entry is n / (n + 100) after n turns.
+def writer_of(
+    views: Sequence[ArrayView], maps: IntArray, agents: IntArray, turn: TurnColumns, others: int | None, threads: int
+) -> LearnerWriter | None:
+    """Return a writer for learners.
 
     Args:
         views: a view of the games on each map; a view may contain no games.
         maps: (games,) the number of the map of each game.
         agents: the numbers of the learners in the roster, in any order.
         turn: the columns of their turns.
-        others: the number of other agents in a vector.
+        others: the number of other agents in a vector, whose last entry is n / (n + 100) after n turns; None: no
+            vectors are written, only legal actions.
         threads: the number of threads that write.
 
     Returns:
-        The writer; None if observations change with more than the columns of the core, or sensors differ between maps.
+        The writer; None if what learners see changes with more than the columns of the core, or sensors differ between
+        maps.
     """
     those = [view.of(agents) for view in views]
-    if not all(one._movement.are_plain(agents) and one._has_plain_looks for one in those):
+    own = those[0]
+    if own.roster.flies[agents].any() or not all(one._movement.are_plain(agents) for one in those):
         return None
     looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
-    if any(one != looks[0] for one in looks):
+    are_alike = all(one == looks[0] for one in looks) and all(one._has_plain_looks for one in those)
+    if others is not None and not are_alike:
         return None
-    own = those[0]
     streets = [one.streets for one in those]
     xy = [one.columns.xy for one in streets]
     first = np.cumsum([0, *(one.num_nodes for one in streets)])
     first_node = first[maps]
-    sensors = sight.SensorTable(*looks[0], len(own.roster.teams))
-    seen = make_search(own._state, sensors, np.concatenate(xy)), *_NO_PAIRS
+    search = None
+    if others is not None:
+        sensors = sight.SensorTable(*looks[0], len(own.roster.teams))
+        search = make_search(own._state, sensors, np.concatenate(xy))
+    seen = search, *_NO_PAIRS
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
     legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
     games = np.arange(len(maps))
@@ -840,15 +888,18 @@ def writers_of(
     observers = own._made_observers(
         turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games))
     )
-    encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
-    vectors = encoder.made(turn.alive, 1)._replace(counts=turn.counts)
-    output = encoder.output(vectors)
+    encoder = Encoder(xy, len(own.roster.names), others or 0, own._movement.width)
+    ways = None
+    vectors = encoder.made(turn.alive, 1)
+    if others is None:
+        vectors = vectors._replace(values=vectors.values[..., :0])
+    else:
+        ways = make_distances(streets)
+        if turn.alive.size * _TURNS_AHEAD >= first[-1]:
+            find_distances(ways, streets, _widest_square(looks[0], agents))
+    output = encoder.output(vectors._replace(counts=turn.counts))
     roads = [view._state.roads for view in views]
-    ways = make_distances(streets)
-    if turn.alive.size * _TURNS_AHEAD >= first[-1]:
-        find_distances(ways, streets, _widest_square(looks[0], agents))
-    rooms = encoder.rooms(ways, threads)
-    return VectorWriter(turn.core, turn.alive.shape, numbers[0], observers, output, rooms, first, first_node, roads)
+    return LearnerWriter(turn, observers, output, encoder.rooms(ways, threads), first, first_node, roads)
 
 
 def _widest_square(looks: tuple[Any, Any, Any], agents: IntArray) -> float:

@@ -984,9 +984,13 @@ class CoreGames:
         if self._columns is not None:
             self._columns.take_roads(tables, streets)
 
+    def player(self, thread: int) -> turn.Player:
+        """Return what plays the games in a thread."""
+        return self._made[thread][0]
+
     def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
         """Play the games `begin` to `end - 1` that are on this map, in one phase; None: all phases."""
-        player = self._made[thread][0]
+        player = self.player(thread)
         if phase is None:
             turn.play_aside(player, begin, end)
         else:

@@ -109,7 +109,7 @@ class Encoder:
             self._places, own, self._actions, self._others, vectors.values.shape[-1], *written
         )
 
-    def rooms(self, ways: routes.NearbyDistances, threads: int) -> list[observe.NearestAgents]:
+    def rooms(self, ways: routes.NearbyDistances | None, threads: int) -> list[observe.NearestAgents]:
         """Return new scratch buffers, in which each thread collects the agents that an agent sees."""
         return [room_for(self._agents, self._others, ways) for _ in range(threads)]
 
