@@ -130,24 +130,19 @@ def test_a_scenario_file_names_policies_of_its_folder_that_are_data(saved, tmp_p
         scene(folder=tmp_path).replace(**{"teams.red.strategy": "gamms.rl:save_policy"}).check()
 
 
-def test_another_map_is_refused(saved):
-    with pytest.raises(ScenarioError, match=r"has another map than this game: rl.policy\(path, other_scenario=True\)"):
-        scene(width=5).play(seed=1, strategies={"red": rl.policy(saved)})
-
-
-def test_a_policy_is_bound_to_its_spaces_and_its_map_alone(saved):
-    other = scene(name="other", seed=7, max_turns=9, rules=["last_team"])
-    other = other.replace(**{"teams.blue.strategy": "gamms.strategies:stay", "sensors.near.sensor_range": 5})
+def test_a_policy_is_bound_to_its_spaces_rules_and_sensors_alone(saved):
+    other = scene(name="other", width=5, seed=7, max_turns=9)
+    other = other.replace(**{"teams.blue.strategy": "gamms.strategies:stay"})
     assert other.play(strategies={"red": rl.policy(saved)}).turns == 9
 
 
 def test_another_scenario_can_be_allowed_if_its_spaces_are_the_same(saved):
     red = rl.policy(saved, other_scenario=True)
-    assert scene(width=6).play(seed=1, strategies={"red": red}).turns == 15
+    assert scene(width=6, rules=["last_team"]).play(seed=1, strategies={"red": red}).turns == 15
     with pytest.raises(BadValue, match=r"observations of the shape \(33,\).*here are 5, of the shape \(38,\)"):
         scene(red=3).play(seed=1, strategies={"red": red})
-    with pytest.raises(BadValue, match="other_scenario=True"), gamms.create_context() as ctx:
-        rl.policy(saved)(ctx)
+    with pytest.raises(ScenarioError, match=r"has other rules than this game: rl.policy\(path, other_scenario=True\)"):
+        scene(rules=["last_team"]).play(seed=1, strategies={"red": rl.policy(saved)})
 
 
 def test_a_file_of_a_version_without_distances_by_road_plays_on(tmp_path, saved):
@@ -216,6 +211,20 @@ def test_a_network_can_be_asked_for_each_action(tmp_path):
         before = games.observe("red")
         games.step()
         assert (games.observe("red").node == before.streets.legal[before.node].max(axis=2)).all()
+
+
+def test_layers_may_be_arrays(tmp_path):
+    random = np.random.default_rng(1)
+    first, last = random.normal(size=(16, ENTRIES)), random.normal(size=(5, 16))
+    layers = [(first, np.zeros(16)), "tanh", (last, np.ones(5))]
+    rl.save_policy(layers, tmp_path / "red.safetensors", scene(), team="red")
+    with safe_open(tmp_path / "red.safetensors", framework="numpy") as opened:
+        assert (opened.get_tensor("2.weight") == last.astype(np.float32)).all()
+    assert scene().play(seed=1, strategies={"red": rl.policy(tmp_path / "red.safetensors")}).turns > 0
+    with pytest.raises(BadType, match=r"Layer 0 of a policy is a pair of arrays.*not 5"):
+        rl.save_policy([5], tmp_path / "no.safetensors", scene(), team="red")
+    with pytest.raises(BadType, match="not a feed-forward network: Invalid enum value 'softmax'"):
+        rl.save_policy([*layers, "softmax"], tmp_path / "no.safetensors", scene(), team="red")
 
 
 @pytest.mark.parametrize("entries", [1, 2 + 5 * 3 + 1])

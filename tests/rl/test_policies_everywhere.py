@@ -76,9 +76,9 @@ def test_the_best_answer_to_a_policy_says_how_to_allow_more_states(saved):
         best_response(scene(), team="blue", against=rl.policy(saved), reward="win", turns=4, budget=100)
 
 
-def test_a_policy_is_bound_to_its_spaces_and_map(saved):
+def test_a_policy_is_bound_to_its_spaces_and_rules(saved):
     red = rl.policy(saved)
-    others = scene(name="other", seed=8, max_turns=4, rules=["last_team"])
+    others = scene(name="other", seed=8, max_turns=4, width=5)
     assert others.play(strategies={"red": red}).turns <= 4
-    with pytest.raises(ScenarioError, match=r"has another map than this game: rl.policy\(path, other_scenario=True\)"):
-        scene(width=5).play(strategies={"red": red})
+    with pytest.raises(ScenarioError, match=r"has other rules than this game: rl.policy\(path, other_scenario=True\)"):
+        scene(rules=["last_team"]).play(strategies={"red": red})

@@ -945,6 +945,12 @@ def _step_again(game: PlayedGame) -> None:
             raise
 
 
+def digests_by_map(games: Batch) -> list[dict[str, str]]:
+    """Return the digests of the scenario on each map of a batch; see `Scenario.digests`."""
+    known = [source.game.internals.digests for source in games._sources]
+    return [one() for one in known if one is not None]
+
+
 def step_with(
     games: Batch,
     given: Mapping[Hashable, OutsideActions],

@@ -8,9 +8,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.array_functions.view import ArrayView, movement_in
+from gamms.game.array_functions.view import ArrayView, movement_in, width_in
 from gamms.game.deeds import DeclaredField
-from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -47,7 +46,8 @@ class DeedChoices:
     Args:
         declared: the deeds of the game.
         known: the agents, teams and sensors at the start, by kind.
-        movement: the movement of agents.
+        streets: the graph of the map.
+        width: the largest number of legal nodes of an agent.
 
     Attributes:
         names: the names of the choices.
@@ -60,11 +60,12 @@ class DeedChoices:
         self,
         declared: Mapping[str, Mapping[str, DeclaredField]],
         known: Mapping[str, Sequence[Any]],
-        movement: Movement,
+        streets: StreetGraph,
+        width: int,
     ) -> None:
-        self._columns = movement.streets.columns
+        self._columns = streets.columns
         self._degrees = np.diff(self._columns.offsets)
-        numbers = {"node": range(movement.width), "edge": range(int(self._degrees.max(initial=0)))}
+        numbers = {"node": range(width), "edge": range(int(self._degrees.max(initial=0)))}
         known = {"boolean": (False, True), **numbers, **known}
         self._deeds: list[_DeedOptions] = []
         names = ["nothing"]
@@ -189,10 +190,11 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     roster = view.roster
     sensors = sorted(set(chain.from_iterable(getattr(agent, "sensors", {}) for agent in roster.agents)))
     teams = [team for team in roster.teams if team is not None]
-    movement = movement_in(view)
-    key = repr((declared, roster.names, teams, sensors, movement.width))
+    width = width_in(view)
+    key = repr((declared, roster.names, teams, sensors, width))
     if key not in known:
-        known[key] = DeedChoices(declared, {"agent": roster.names, "team": teams, "sensor": sensors}, movement)
+        of_game = {"agent": roster.names, "team": teams, "sensor": sensors}
+        known[key] = DeedChoices(declared, of_game, movement_in(view).streets, width)
     return known[key]
 
 

@@ -5,7 +5,7 @@ a single game: NumPy sums in 64 bits and rounds to 32 after each layer, onnxrunt
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from itertools import chain
@@ -116,6 +116,24 @@ class Network(NamedTuple):
         if not all(np.isfinite(one).all() for one in self.weights.values()):
             raise BadValue("The network has weights that are not finite numbers.")
 
+    def count_actions(self, entries: int, known_entries: int, known_actions: int) -> int | None:
+        """Return for how many actions an observation has entries, for a network that is evaluated for each action.
+
+        Args:
+            entries: the number of entries of the observation.
+            known_entries: the number of entries for `known_actions`.
+            known_actions: a known number of actions.
+
+        Returns:
+            The number; 0 if the entries do not fit, None if no entry belongs to an action.
+        """
+        shared = self.architecture.shared or 0
+        of_action = (known_entries - shared) // known_actions
+        if not of_action:
+            return None if entries == known_entries else 0
+        number, rest = divmod(entries - shared, of_action)
+        return 0 if rest else number
+
     def logits(self, actions: int) -> Logits:
         """Return the function that evaluates the network."""
         inputs = self.architecture.inputs
@@ -147,11 +165,13 @@ class Network(NamedTuple):
 
 
 def network_of(model: Any, shared: int | None = None) -> Network:
-    """Return the network of a model: an `nn.Sequential` of PyTorch, or a model of Stable-Baselines3 with a policy.
+    """Return the network of a model: an `nn.Sequential` of PyTorch, a model of Stable-Baselines3, or a list of layers.
 
     Raises:
-        BadType: the model is neither, or has layers that feed-forward networks do not have.
+        BadType: the model is none of these, or has layers that feed-forward networks do not have.
     """
+    if type(model) is list:
+        return _network_of_arrays(model, shared)
     if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
         policy = model.policy
         extractors = getattr(policy.features_extractor, "extractors", {})
@@ -183,6 +203,31 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         return Network(msgspec.convert(made, Architecture), weights)
     except msgspec.ValidationError as error:
         raise BadType(f"{shown(model)} cannot be saved as a feed-forward network: {error}. {_WAY}") from None
+
+
+def _network_of_arrays(layers: Sequence[Any], shared: int | None) -> Network:
+    """Return the network of a list of layers: pairs of arrays (weight, bias), and names of functions."""
+    names: list[str] = []
+    weights: dict[str, Float32Array] = {}
+    for number, layer in enumerate(layers):
+        if isinstance(layer, str):
+            names.append(layer)
+            continue
+        try:
+            weight, bias = (np.asarray(one, np.float32) for one in layer)
+        except (TypeError, ValueError):
+            raise BadType(
+                f"Layer {number} of a policy is a pair of arrays, weight (out, in) and bias (out,), or the name of a "
+                f"function, one of {', '.join(_FUNCTIONS)}; not {shown(layer)}."
+            ) from None
+        weights[f"{number}.weight"] = weight
+        weights[f"{number}.bias"] = bias
+        names.append("linear")
+    try:
+        architecture = msgspec.convert({"inputs": ["observation"], "layers": names, "shared": shared}, Architecture)
+    except msgspec.ValidationError as error:
+        raise BadType(f"A list of layers is not a feed-forward network: {error}.") from None
+    return Network(architecture, weights)
 
 
 _WAY = (

@@ -1,7 +1,7 @@
 """Policies in files: save them with the hashes of their scenario and spaces, and play them as strategies."""
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +14,9 @@ from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_tar
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, movement_in
+from gamms.game.array_functions.view import ArrayView, movement_in, widen, width_in
+from gamms.game.batch import digests_by_map
+from gamms.game.block.columns import sensors_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.plugins import needing
@@ -31,9 +33,9 @@ from gamms.rl.learners import (
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
-from gamms.scenario.maps import digest_of
+from gamms.sensor.catalog import KINDS
 from gamms.text import module_of, shown
-from gamms.typing import AgentType, IContext
+from gamms.typing import IContext
 from gamms.typing.context import HostContext
 
 Maker = Callable[[IContext], Callable[[Any], None]]
@@ -42,6 +44,8 @@ _KEY = "gamms"  # key in the metadata of a file
 _WITHOUT_ROADS = "default"  # the name of `straight_observation`, which was the default when files were first written
 _NAMED: Mapping[str, Observation] = {_WITHOUT_ROADS: straight_observation, "default with roads": default_observation}
 _MOST_METADATA = 1 << 18  # bytes
+_MOST_MAPS = 2048  # whose digests fit into the metadata
+_TURNING = ("orientation", "quat", "at")  # settings of sensors that depend on the map, or change during a game
 _TIMES_SIZE = 8  # of a file: memory for its weights in 64 bits, and for reading them
 _PICKLES = (".zip", ".pt", ".pth", ".pkl")
 _BY_SUFFIX = (".safetensors", ".onnx", *_PICKLES)
@@ -60,6 +64,7 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             default observation without distances by road.
         deeds: the number of deed choices; 0: no deeds are declared.
         flies: whether it is for flying agents, whose actions are three numbers: see `heads`.
+        legal: for flying agents, the number of legal nodes that the default observation has entries for; else 0.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
@@ -67,6 +72,7 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     function: _Text = _WITHOUT_ROADS
     deeds: Annotated[int, msgspec.Meta(ge=0, le=1 << 16)] = 0
     flies: bool = False
+    legal: Annotated[int, msgspec.Meta(ge=0, le=1 << 24)] = 0
 
     @property
     def numbers(self) -> int:
@@ -77,9 +83,45 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def digest(self) -> str:
         """The SHA-256, in hexadecimal."""
         named = msgspec.structs.asdict(self)
-        for name in [name for name in ("deeds", "flies") if not named[name]]:
+        for name in [name for name in ("deeds", "flies", "legal") if not named[name]]:
             del named[name]
         return hashlib.sha256(msgspec.json.encode(named)).hexdigest()
+
+
+class Equipment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The speed and the sensors of an agent.
+
+    Attributes:
+        speed: the speed; None: along one edge in a turn.
+        sensors: name -> the type of the sensor, and for a built-in one the digest of its settings, without those
+            that depend on the map or change during a game.
+    """
+
+    speed: float | None
+    sensors: Annotated[dict[_Text, _Text], msgspec.Meta(max_length=100)]
+
+    @classmethod
+    def of(cls, agent: Any) -> "Equipment":
+        """Return the equipment of an agent."""
+        sensors = {name: _describe_sensor(sensor) for name, sensor in sorted(sensors_of(agent).items())}
+        return cls(None if agent.speed is None else float(agent.speed), sensors)
+
+    def fits(self, other: "Equipment") -> bool:
+        """Return whether other equipment is the same, as far as the settings of its sensors are known."""
+        if self.speed != other.speed or self.sensors.keys() != other.sensors.keys():
+            return False
+        pairs = [(one, other.sensors[name]) for name, one in self.sensors.items()]
+        return all(mine.startswith(theirs) or theirs.startswith(mine) for mine, theirs in pairs)
+
+
+def _describe_sensor(sensor: Any) -> str:
+    """Return the type of a sensor, and for a built-in one the digest of its settings."""
+    kind = KINDS.get(sensor.type)
+    name: str = sensor.type.name
+    if kind is None or not kind.is_of(sensor):
+        return f"{name} "
+    settings = [item for item in sorted(kind.keywords_of(sensor).items()) if item[0] not in _TURNING]
+    return f"{name} {hashlib.sha256(repr(settings).encode()).hexdigest()[:16]}"
 
 
 class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -88,13 +130,17 @@ class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     Attributes:
         version: the version of this format.
         scenario: the name of the scenario.
-        digests: the digests of the scenario's parts; see `Scenario.digests`. The map's digest decides where the policy
+        digests: the digests of the scenario's parts; see `Scenario.digests`. The rules' digest decides where the policy
             may play.
         spaces: the spaces.
         spaces_digest: the digest of the spaces.
         teams: the teams that it was trained for.
         agent: the only agent that it was trained for.
         network: the architecture of the weights in a safetensors file.
+        maps: the digest of each map that it was trained on; see `Scenario.digests`. Empty in files of older versions,
+            for which `digests` has the only map.
+        equipment: the sensors and the speeds with which agents were trained. Empty in files of older versions, for
+            which the digest of the scenario's sensors decides.
     """
 
     scenario: _Text
@@ -104,6 +150,8 @@ class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     teams: Annotated[list[_Text], msgspec.Meta(max_length=1000)]
     agent: _Text | None = None
     network: Architecture | None = None
+    maps: Annotated[list[_Text], msgspec.Meta(max_length=_MOST_MAPS)] = []
+    equipment: Annotated[list[Equipment], msgspec.Meta(max_length=1000)] = []
     version: Annotated[int, msgspec.Meta(ge=1, le=1)] = 1
 
 
@@ -116,20 +164,23 @@ def save_policy(
     agent: str | None = None,
     observation: Observation | None = None,
     shared: int | None = None,
+    maps: Sequence[Any] | None = None,
 ) -> None:
     """Write a trained policy into a file, with the hashes of its scenario and spaces.
 
     Args:
-        model: for a file `.safetensors`, a model of Stable-Baselines3 or an `nn.Sequential` of PyTorch that gives a
-            number for each action; for a file `.onnx`, the path of an ONNX model that takes `observation`.
+        model: for a file `.safetensors`, a model of Stable-Baselines3, an `nn.Sequential` of PyTorch that gives a
+            number for each action, or its layers as a list of pairs of arrays, weight (out, in) and bias (out,), and
+            names of functions such as "tanh"; for a file `.onnx`, the path of an ONNX model that takes `observation`.
         path: the file, which is replaced.
-        env: the environment of the training; or a scenario, with the next three arguments.
+        env: the environment of the training; or a scenario, with `team`, `agent`, `observation` and `maps`.
         team: the team that was trained; None: all.
         agent: the only agent that was trained.
         observation: see `parallel_env`.
         shared: for a network that returns a single number and is evaluated for each action: the number of first entries
             of an observation that all actions share, which the entries of the action follow. None: the network returns
             numbers for all actions.
+        maps: the maps of the training, if they were several; see `Scenario.batch`.
 
     Raises:
         BadType: the model has other layers, or the environment is not one of gamms.rl.
@@ -140,10 +191,10 @@ def save_policy(
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):
-        with Learners(env, teams=team, agent=agent, observation=observation, reward=_no_reward) as learners:
+        with Learners(env, teams=team, agent=agent, observation=observation, reward=_no_reward, maps=maps) as learners:
             found = _describe(learners)
-    elif team is not None or agent is not None or observation is not None:
-        raise BadValue("team=, agent= and observation= are for a scenario: an environment knows its own.")
+    elif any(one is not None for one in (team, agent, observation, maps)):
+        raise BadValue("team=, agent=, observation= and maps= are for a scenario: an environment knows its own.")
     else:
         found = _describe(_learners_of(env))
     if file.suffix == ".onnx":
@@ -169,7 +220,8 @@ def policy(
     """Return a saved policy as a strategy: `scenario.play(strategies={"red": gamms.rl.policy("red.safetensors")})`.
 
     It is made in a context, like the strategies of `gamms.strategies`: `policy(path)(ctx)`. In batches it works on
-    arrays, and plays the same games.
+    arrays, and plays the same games. It plays on every map on which agents have at most as many legal nodes as on the
+    maps of its training, or on any map if the network is `shared`; see `save_policy`.
 
     Args:
         path: a file written by `save_policy`; or, with `trusted`, a model of Stable-Baselines3 (`.zip`) or of PyTorch
@@ -178,11 +230,13 @@ def policy(
             Pickles do not name it: give `straight_observation` for those of versions without distances by road.
         sample: draw actions by their probabilities, repeatably by the seed; else take the best action.
         trusted: you trust the file to run any code. Pickles need it, because reading one runs code in it.
-        other_scenario: allow maps other than that of the training, if the spaces are the same.
+        other_scenario: allow rules, and sensors and speeds of the agents, other than those of the training, if the
+            spaces are the same.
 
     Raises:
         BadFile: the file is not a policy, or is damaged.
-        BadValue: the policy does not fit the observation; or later, when a strategy is made, the map.
+        BadValue: the policy does not fit the observation; or later, when a strategy is made, the rules, or when it
+            decides, the agents or the map.
         MissingFile (FileNotFoundError): the file does not exist.
         MissingExtra (ImportError): the library of the file is not installed.
     """
@@ -222,6 +276,11 @@ class _LoadedPolicy:
     network: Network | None  # None: an ONNX model
     logits: Logits | None  # of an ONNX model
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether its network is evaluated for each action."""
+        return self.network is not None and self.network.architecture.shared is not None
+
 
 class _PolicyOptions(NamedTuple):
     """A policy, and the options with which it plays."""
@@ -247,24 +306,28 @@ def _maker(player: _PolicyOptions) -> Maker:
     alone = described is not None and described.agent is not None
 
     def play_policy(view: ArrayView) -> IntArray | FloatArray:
-        if view.roster.agents[view.agents[0]].type is AgentType.AERIAL:
+        if described is not None and not player.other_scenario:
+            _refuse_other_equipment(loaded.file, described, view)
+        legal = movement_in(view).width
+        view = widen(view, _width_on(loaded, legal, flies=view.flies))
+        if view.flies:
             return _flight(player, observe, view)
         choices = choices_of(view, view["deeds"])
+        deeds = 0 if choices is None else len(choices)
         heads = 1 if choices is None else 2
         actions = np.zeros((heads, *view.node.shape), np.int64)
         uniform = [view.draw.random() for _ in range(heads)] if sample else None
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
-            most = movement_in(view).width
-            masks = [np.arange(most) < np.where(view.mask, view.counts, 1)[..., None]]
+            fitting = _fit(loaded, legal, width_in(view), deeds, values.shape[2:])
+            masks = [np.arange(fitting.actions) < np.where(view.mask, view.counts, 1)[..., None]]
             masks += [] if choices is None else [choices.masks(view)]
             shape = masks[0].shape[0], len(columns)
             mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
             parts = {"observation": values.reshape(-1, *values.shape[2:]), "action_mask": mask}
-            evaluate = _fitting(loaded, (most, mask.shape[1] - most, *values.shape[2:]), flies=False)
-            logits = np.where(mask, evaluate(parts), -np.inf)
-            for head, part in enumerate(np.split(logits, [most], axis=1)[:heads]):
+            logits = np.where(mask, fitting.evaluate(parts), -np.inf)
+            for head, part in enumerate(np.split(logits, [fitting.actions], axis=1)[:heads]):
                 drawn = None if uniform is None else uniform[head][:, columns].ravel()
                 actions[head][:, columns] = _choose_actions(part, drawn).reshape(shape)
         if choices is not None:
@@ -279,7 +342,7 @@ def _maker(player: _PolicyOptions) -> Maker:
     def make(ctx: IContext) -> Callable[[Any], None]:
         as_context(ctx, "A policy")
         if described is not None and not player.other_scenario:
-            _refuse_other_map(loaded.file, described, cast("HostContext", ctx))
+            _refuse_other_rules(loaded.file, described, cast("HostContext", ctx))
         return make_strategy(ctx)
 
     make.__name__ = play_policy.__name__
@@ -299,9 +362,9 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
     values = np.asarray(observe(view))
     choices = choices_of(view, view["deeds"])
     deeds = 0 if choices is None else len(choices)
-    evaluate = _fitting(player.policy, (AXES, deeds, *values.shape[2:]), flies=True)
+    fitting = _fit(player.policy, AXES, AXES, deeds, values.shape[2:])
     mask = np.ones((len(view.agents), AXES + deeds), np.bool_)
-    numbers = np.clip(evaluate({"observation": values[0], "action_mask": mask}), -1.0, 1.0)[None]
+    numbers = np.clip(fitting.evaluate({"observation": values[0], "action_mask": mask}), -1.0, 1.0)[None]
     if choices is not None:
         best = np.where(choices.masks(view), np.nan_to_num(numbers[..., AXES:]), -np.inf).argmax(axis=2)
         choices.do(best, view)
@@ -332,40 +395,110 @@ def _choose_actions(logits: Float32Array, uniform: FloatArray | None) -> IntArra
     return np.where(np.isfinite(sums[:, -1]), np.minimum(drawn, logits.shape[1] - 1), best)
 
 
-@lru_cache(maxsize=64)
-def _fitting(loaded: _LoadedPolicy, shape: tuple[int, ...], *, flies: bool) -> Logits:
-    """Return the evaluation function of a policy, checked for (actions, deeds, *shape of observations)."""
-    actions, deeds, *observed = shape
-    spaces = None if loaded.described is None else loaded.described.spaces
-    if spaces is not None and flies != spaces.flies:
+class _FittingPolicy(NamedTuple):
+    """A policy that fits a game.
+
+    Attributes:
+        actions: the number of actions that it gives numbers for, at least as many as there are on the map.
+        evaluate: its evaluation function.
+    """
+
+    actions: int
+    evaluate: Logits
+
+
+def _width_on(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
+    """Return the number of actions that observations have entries for, on a map with this number of legal nodes.
+
+    Raises:
+        BadValue: the policy does not fly where the agents do, or an agent may have more legal nodes than in training.
+    """
+    if loaded.described is None:
+        return legal
+    spaces = loaded.described.spaces
+    if flies != spaces.flies:
         where = ("on the ground", "that fly")
         raise BadValue(f"{loaded.file} was trained for agents {where[spaces.flies]}, not for those {where[flies]}.")
-    if spaces is not None and (actions, deeds, observed) != (spaces.actions, spaces.deeds, spaces.observation):
-        of_deeds = f" and {spaces.deeds} choices of deeds" if spaces.deeds else ""
-        here = f"{actions} and {deeds}" if deeds else actions
+    known = spaces.legal or legal if flies else spaces.actions
+    if legal > known and not loaded.is_shared:
         raise BadValue(
-            f"{loaded.file} was trained with {spaces.actions} actions{of_deeds} and observations of the shape "
-            f"{tuple(spaces.observation)} ({spaces.function}); here are {here}, of the shape {tuple(observed)}. "
-            "Play it in games like those it was trained in, with observation= as it was."
+            f"{loaded.file} was trained on maps with at most {known} legal nodes of an agent, and here are {legal}: "
+            "train it with maps= of which one has as many, or save a network for each action with shared=."
         )
-    if loaded.network is None:
-        return cast("Logits", loaded.logits)
+    return max(known, legal)
+
+
+@lru_cache(maxsize=64)
+def _fit(loaded: _LoadedPolicy, legal: int, width: int, deeds: int, observed: tuple[int, ...]) -> _FittingPolicy:
+    """Return a policy that fits a game.
+
+    Args:
+        loaded: the policy.
+        legal: the largest number of legal nodes on the map; for flying agents, the number of axes.
+        width: the number of actions that observations have entries for.
+        deeds: the number of deed choices.
+        observed: the shape of one agent's observation.
+
+    Raises:
+        BadValue: its deeds or its observations differ from those of the training.
+    """
+    entries = int(np.prod(observed))
+    actions = width
+    network = loaded.network
+    if loaded.described is not None:
+        spaces = loaded.described.spaces
+        fits = observed == tuple(spaces.observation)
+        if network is not None and loaded.is_shared:
+            number = network.count_actions(entries, _entries(spaces), spaces.numbers)
+            actions = width if number is None else number - deeds
+            fits = actions >= legal
+        if deeds != spaces.deeds or not fits:
+            raise BadValue(_explain_misfit(loaded.file, spaces, (width, deeds, observed)))
+    if network is None:
+        return _FittingPolicy(actions, cast("Logits", loaded.logits))
     try:
-        loaded.network.check(int(np.prod(observed)), actions + deeds)
+        network.check(entries, actions + deeds)
     except BadValue as error:
         raise BadValue(f"{loaded.file} does not fit this game: {error}") from None
-    return loaded.network.logits(actions + deeds)
+    return _FittingPolicy(actions, network.logits(actions + deeds))
 
 
-def _refuse_other_map(file: Path, described: PolicyDescription, ctx: HostContext) -> None:
-    """Refuse a map that a policy was not trained on; closed streets of a scenario do not count."""
+def _explain_misfit(file: Path, spaces: PolicySpaces, here: tuple[int, int, tuple[int, ...]]) -> str:
+    """Return a message on a policy of other spaces than a game's: its actions, deeds and shape of observations."""
+    actions, deeds, observed = here
+    of_deeds = f" and {spaces.deeds} choices of deeds" if spaces.deeds else ""
+    numbers = f"{actions} and {deeds}" if deeds else actions
+    return (
+        f"{file} was trained with {spaces.actions} actions{of_deeds} and observations of the shape "
+        f"{tuple(spaces.observation)} ({spaces.function}); here are {numbers}, of the shape {observed}. Play it in "
+        "games like those it was trained in, with observation= as it was."
+    )
+
+
+def _refuse_other_rules(file: Path, described: PolicyDescription, ctx: HostContext) -> None:
+    """Refuse the rules of a scenario that a policy was not trained with; other games have no digests."""
     known = ctx.game.internals.digests
-    here = digest_of(ctx.graph.columns(), ctx.graph.obstacle_columns().corners) if known is None else known()["map"]
-    if here != described.digests.get("map"):
-        raise BadValue(
-            f"{file} was trained in the scenario {shown(described.scenario)}, which has another map than this game: "
-            "rl.policy(path, other_scenario=True) lets it play all the same."
-        )
+    if known is None:
+        return
+    digests = known()
+    for part in ("rules",) if described.equipment else ("rules", "sensors"):
+        if digests[part] != described.digests.get(part):
+            raise BadValue(
+                f"{file} was trained in the scenario {shown(described.scenario)}, which has other {part} than this "
+                "game: rl.policy(path, other_scenario=True) lets it play all the same."
+            )
+
+
+def _refuse_other_equipment(file: Path, described: PolicyDescription, view: ArrayView) -> None:
+    """Refuse agents with sensors or speeds that a policy was not trained with."""
+    for number in view.agents.tolist() if described.equipment else ():
+        agent = view.roster.agents[number]
+        here = Equipment.of(agent)
+        if not any(one.fits(here) for one in described.equipment):
+            raise BadValue(
+                f"{file} was trained for agents with other sensors, or with another speed, than {shown(agent.name)} "
+                "has: rl.policy(path, other_scenario=True) lets it play all the same."
+            )
 
 
 # -- files --------------------------------------------------------------------------------------------------------
@@ -473,11 +606,34 @@ def _describe(learners: Learners) -> PolicyDescription:
     flies = learners.all_fly
     actions = AXES if flies else learners.num_actions
     deeds = 0 if learners.deeds is None else len(learners.deeds)
-    spaces = PolicySpaces(shape, actions, named, deeds, flies)
-    scenario = learners.scenario
+    spaces = PolicySpaces(shape, actions, named, deeds, flies, learners.num_actions if flies else 0)
+    digests = digests_by_map(learners.games)
+    if len(digests) > _MOST_MAPS:
+        raise BadValue(
+            f"A policy lists at most {_MOST_MAPS:,} maps of its training, not {len(digests):,}: save it with a "
+            "scenario and some of them, rl.save_policy(model, path, scenario, team=…, maps=[…])."
+        )
+    number_of = {name: number for number, name in enumerate(learners.games.roster.names)}
+    agents = [learners.games.roster.agents[number_of[name]] for name in learners.names]
     return PolicyDescription(
-        scenario.spec.name, scenario.digests(), spaces, spaces.digest, list(map(str, learners.teams)), learners.agent
+        learners.scenario.spec.name,
+        digests[0],
+        spaces,
+        spaces.digest,
+        list(map(str, learners.teams)),
+        learners.agent,
+        maps=list(dict.fromkeys(one["map"] for one in digests)),
+        equipment=_without_copies(Equipment.of(agent) for agent in agents),
     )
+
+
+def _without_copies(found: Iterable[Equipment]) -> list[Equipment]:
+    """Return different equipment, in the order of the agents."""
+    different: list[Equipment] = []
+    for one in found:
+        if one not in different:
+            different.append(one)
+    return different
 
 
 def _learners_of(env: Any) -> Learners:

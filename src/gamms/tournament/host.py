@@ -2,7 +2,7 @@
 
 Questions come pickled from the master, which is trusted; answers go back as lines of JSON, because the entry is not
 trusted. The entry's `ctx` holds the map, the settings of the game, the names and teams of all agents, and the
-positions of the entry's own agents; opponents cannot be looked up in it.
+positions of the entry's own agents, whose sensors show what the master sends; opponents cannot be looked up in it.
 """
 
 import json
@@ -29,6 +29,7 @@ from gamms.plain import as_json, to_plain
 from gamms.readonly import frozen
 from gamms.scenario.code import chosen, first_of, function_of, made
 from gamms.text import reason, shown
+from gamms.typing.sensor_engine import ISensor, SensorType
 
 Play = Callable[[int, int], None]
 _HEAD = 4  # bytes before each question: its length
@@ -90,6 +91,50 @@ def framed(question: dict[str, Any]) -> bytes:
     return len(data).to_bytes(_HEAD, "big") + data
 
 
+class _ReceivedSensor(ISensor):
+    """A sensor that shows what the sensor of the game has shown.
+
+    Args:
+        sensor_id: its name.
+        type: its type.
+    """
+
+    sees_world_only = True
+
+    def __init__(self, sensor_id: str, type: SensorType) -> None:
+        self._id = sensor_id
+        self._type = type
+        self._data: Any = {}
+
+    @property
+    def sensor_id(self) -> str:
+        """Its name."""
+        return self._id
+
+    @property
+    def type(self) -> SensorType:
+        """Its type."""
+        return self._type
+
+    @property
+    def data(self) -> Any:
+        """A copy of what the sensor of the game has shown last."""
+        return copied(self._data)
+
+    @data.setter
+    def data(self, data: Any) -> None:
+        self._data = data
+
+    def sense(self, node_id: int) -> None:
+        """Do nothing: the game looks."""
+
+    def update(self, data: dict[str, Any]) -> None:
+        """Do nothing: the game looks."""
+
+    def set_owner(self, owner: str | None) -> None:
+        """Do nothing: the game looks."""
+
+
 @dataclass
 class _HostedAgent:
     """The random streams, the memory and the strategy of one agent."""
@@ -108,6 +153,7 @@ class _HostedTeam:
         self._team = start["team"]
         self._memory = dict[Any, Any]()
         self._clock = GameState()
+        ctx.reseed(start["seed"])
         random.seed(start["seed"])
         np.random.seed(start["seed"] % (1 << 32))  # noqa: NPY002 - what programs for 1.0.0 draw from
         for name, keywords in start["agents"].items():
@@ -136,12 +182,14 @@ class _HostedTeam:
             player = self._players[name]
             agent = self._ctx.agent.get_agent(name)
             self._clock.turn = sent["turn"]
+            self._ctx.game.internals.state.turn = sent["turn"]
             state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
             state |= {"memory": player.memory, "facts": frozen(sent["facts"])}
             if question["shares_memory"]:
                 state["team_memory"] = copied(self._memory)
             if isinstance(sent["curr_pos"], int):
                 agent.current_node_id = sent["curr_pos"]
+            self._show_sensors(name, sent["sensor"])
             states[name] = state
         self._decide(states)
         copies = [_as_dict(state["team_memory"]) for state in states.values() if "team_memory" in state]
@@ -152,6 +200,16 @@ class _HostedTeam:
             "actions": {name: as_json(to_plain(one["action"])) for name, one in states.items() if "action" in one},
             "outbox": {name: as_json(to_plain(one["outbox"])) for name, one in states.items() if one.get("outbox")},
         }
+
+    def _show_sensors(self, owner: str, sent: dict[str, tuple[SensorType, Any]]) -> None:
+        """Give an agent the sensors of the game, which show what they have shown there."""
+        agent: Any = self._ctx.agent.get_agent(owner)
+        for name in [name for name in agent.sensors if name not in sent]:
+            agent.deregister_sensor(name)
+        for name, (kind, data) in sent.items():
+            if name not in agent.sensors:
+                agent.register_sensor(name, _ReceivedSensor(f"{owner}.{name}", kind))
+            agent.sensors[name].data = data
 
     def _decide(self, states: dict[str, dict[str, Any]]) -> None:
         if self._plan is not None:

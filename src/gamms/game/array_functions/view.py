@@ -92,6 +92,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
     _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
+    _width: int | None = None  # the number of actions that vectors have entries for; None: that of the map
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state = state
@@ -245,12 +246,12 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
     def of(self, agents: IntArray) -> "ArrayView":
         """Return a view of other agents in the same games, by their numbers in the roster, ascending."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
-        return ArrayView(self._state, self.games, numbers)
+        return widen(ArrayView(self._state, self.games, numbers), self._width)
 
     def in_games(self, which: IntArray) -> "ArrayView":
         """Return a view of the same agents in some games of this view, by index, ascending."""
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
-        return ArrayView(self._state, self.games[places], self.agents)
+        return widen(ArrayView(self._state, self.games[places], self.agents), self._width)
 
     def ask(self, strategy: Callable[..., object]) -> Any:
         """Return what another strategy chooses for the agents in the mask, which go on drawing where it has stopped.
@@ -467,7 +468,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
     def _encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
         agents = len(self.roster.names)
-        actions = self._movement.width
+        actions = width_in(self)
         key = "encoder", agents, others, actions
         return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
 
@@ -660,6 +661,29 @@ def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolA
 def movement_in(view: ArrayView) -> Movement:
     """Return the movement of the agents of a view; for the strategies of GAMMS."""
     return view._movement
+
+
+def width_in(view: ArrayView) -> int:
+    """Return the number of actions that vectors of a view have entries for.
+
+    Raises:
+        BadValue: an agent has more than 4096 legal nodes.
+    """
+    return view._movement.width if view._width is None else view._width
+
+
+def widen(view: ArrayView, width: int | None) -> ArrayView:
+    """Return the view with another number of actions that vectors have entries for.
+
+    Args:
+        view: the view.
+        width: the number, at least that of the map; None: that of the map.
+    """
+    if width == view._width:
+        return view
+    widened = copy(view)
+    widened._width = width
+    return widened
 
 
 def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
