@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
@@ -20,6 +20,7 @@ from gamms.typing.visualization_engine import live_engines
 if TYPE_CHECKING:
     from numpy.random import Generator
 
+    from gamms.agent.snapshots import AgentsSnapshot
     from gamms.game import Game
     from gamms.recorder import Recorder
 
@@ -178,6 +179,11 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
                 self._game = Game(self)
         return self._game
 
+    @refused_while_deciding
+    def use_game(self, game: object) -> None:
+        """Set the turn engine: the one that the program has of a fork; see `gamms.game.game.UnreadFork`."""
+        self._game = cast("Game", game)
+
     @property
     def current_game(self) -> "Game | None":
         """The turn engine if `ctx.game` was used before, else None."""
@@ -279,24 +285,21 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
         Returns:
             The context, and the memo of `copy.deepcopy`: `id()` of a replaced object -> its replacement.
         """
-        ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
-        # NOTE: at once, as in `reseed` (w9 fork).
-        vars(ahead).update(_seed=seed, is_seeded=self.is_seeded, _shows_nothing=True)
-        ahead._phase.known_names = self._phase.known_names  # whose warnings are not repeated
-        ahead.agent_engine = agent.AgentEngine(ahead)
-        ahead.sensor_engine = sensor.SensorEngine(ahead)
-        memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
-        memo[id(self._internal_context)] = ahead._internal_context
-        if self._visual_engine is not None and not isinstance(self._visual_engine, visual.PictureEngine):
-            memo[id(self._visual_engine)] = ahead.visual_engine  # the others find theirs when a function needs it
-        if self._recorder is not None:
-            memo[id(self._recorder)] = None
-        ahead.graph_engine = graph.engine.share_map(ahead, self.graph, memo)
-        ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
-        ahead.agent_engine.storage.copy_from(self.agent.storage, memo)
-        vars(ahead).update(vars(self) | vars(ahead))  # attributes of the caller's
-        ahead.set_alive()
-        return ahead, memo
+        memo = dict[int, Any]()
+        return self.capture(self.agent.storage.snapshot(dict), only_plain=False).make_fork(seed, memo), memo
+
+    @refused_while_deciding
+    def capture(self, agents: "AgentsSnapshot", *, only_plain: bool) -> "_CapturedContext":
+        """Return what a fork of the context is made of.
+
+        Args:
+            agents: the result of `ctx.agent.storage.snapshot`.
+            only_plain: whether forks can be made later, when the context has changed.
+
+        Raises:
+            NotPlain: `only_plain`, and the sensors do not permit it.
+        """
+        return _CapturedContext(self, agents, self.sensor.storage.capture(only_plain=only_plain))
 
     @refused_while_deciding
     def set_alive(self) -> None:
@@ -380,6 +383,48 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
             # The error that ended the block is the one to show; a full disk must not take its place.
             self.logger.error(f"The context could not be closed properly: {failure}")  # noqa: TRY400 - an `ILogger`
             error.add_note(f"The context could not be closed properly either: {failure}")
+
+
+class _CapturedContext:
+    """The parts of a context at a moment, of which a fork is made.
+
+    Args:
+        ctx: the context.
+        agents: the result of `ctx.agent.storage.snapshot`.
+        sensors: the result of `ctx.sensor.storage.capture`.
+    """
+
+    def __init__(self, ctx: Context, agents: "AgentsSnapshot", sensors: dict[str, Any]) -> None:
+        self._ctx = ctx
+        self._attributes = vars(ctx).copy()
+        self._agents = agents
+        self._sensors = sensors
+        self._map = graph.engine.SharedMap(ctx.graph)
+
+    def make_fork(self, seed: int, memo: dict[int, Any]) -> Context:
+        """Return the fork, and add the copies to the memo of `copy.deepcopy`; call it once. See `Context.fork`."""
+        then = self._attributes
+        logger = then["_logger"]
+        phase = then["_phase"]
+        ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=logger)
+        # NOTE: at once, as in `reseed` (w9 fork).
+        vars(ahead).update(_seed=seed, is_seeded=then["is_seeded"], _shows_nothing=True)
+        ahead._phase.known_names = phase.known_names  # whose warnings are not repeated
+        ahead.agent_engine = agent.AgentEngine(ahead)
+        ahead.sensor_engine = sensor.SensorEngine(ahead)
+        memo |= {id(self._ctx): ahead, id(phase): ahead._phase, id(logger): logger}
+        memo[id(then["_internal_context"])] = ahead._internal_context
+        picture = then["_visual_engine"]
+        if picture is not None and not isinstance(picture, visual.PictureEngine):
+            memo[id(picture)] = ahead.visual_engine  # the others find theirs when a function needs it
+        if then["_recorder"] is not None:
+            memo[id(then["_recorder"])] = None
+        ahead.graph_engine = self._map.make_engine(ahead, memo)
+        ahead.sensor_engine.storage.copy_from(self._sensors, then["sensor_engine"], memo)
+        ahead.agent_engine.storage.copy_from(self._agents, then["agent_engine"], memo)
+        vars(ahead).update(then | vars(ahead))  # attributes of the caller's
+        ahead.set_alive()
+        return ahead
 
 
 def _shown_as_text() -> None:

@@ -297,17 +297,18 @@ def add_copies(memo: dict[int, Any], copies: dict[int, Any]) -> None:
     memo.setdefault(id(memo), []).extend(kept)
 
 
-def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
+def copied_part(part: PartOfContext, memo: dict[int, Any], attributes: object = None) -> PartOfContext:
     """Return a copy of a part for a copy of its context.
 
     Args:
         part: the part.
         memo: the memo of `copy.deepcopy`, to which the copy is added.
+        attributes: earlier attributes of the part, as from `object.__getstate__`; None: the present ones.
     """
     kind = type(part)
     twin = kind.__new__(kind)
     memo[id(part)] = twin
-    twin.__setstate__(deepcopy(part.__getstate__(), memo))
+    twin.__setstate__(deepcopy(part.__getstate__() if attributes is None else attributes, memo))
     return twin
 
 

@@ -165,7 +165,7 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
         getattr(block, verb)(*given_to_it)
     before, nodes, placed = read(block), positions.node_ids.tolist(), block.placed.copy()
     values, structure = block.values(), block.structure_values()
-    twin.take_all(block)
+    twin.take_all(values, structure)
     for verb, *given_to_it in later:
         getattr(block, verb)(*given_to_it)
     assert read(twin) == before

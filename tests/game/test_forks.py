@@ -3,6 +3,7 @@
 import copy
 import random
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -12,7 +13,8 @@ from test_snapshots import build, plain, wander
 import gamms
 from gamms import rules
 from gamms.errors import BadType, ContextTerminated, IllegalMutation
-from gamms.game import SnapshotError
+from gamms.game import Game, SnapshotError
+from gamms.game.game import UnreadFork
 from gamms.game.snapshots import own
 from gamms.sensor import SensorType
 
@@ -266,6 +268,158 @@ def test_the_states_of_a_fork_that_is_read_late_are_those_of_one_that_is_read_at
             CHANGES[change](ctx.game)
         assert draw(late) == drawn
         assert late.agents[0].state["draw"] is late.observation(late.agents[0])["draw"]
+
+
+def remove_a_road(game):
+    graph = game.ctx.graph.graph
+    if 3 in graph.get_edges():
+        graph.remove_edge(3)
+
+
+WHEREABOUTS = {
+    **CHANGES,
+    "place": lambda game: setattr(game.ctx.agent.get_agent("a"), "current_node_id", 15),
+    "attribute": lambda game: game.ctx.agent.get_agent("a").bag.append("more"),
+    "new attribute": lambda game: setattr(game.ctx.agent.get_agent("a"), "cargo", {"new": [1]}),
+    "team": lambda game: setattr(game.ctx.agent.get_agent("a"), "team", "blue"),
+    "strategy": lambda game: setattr(game.ctx.agent.get_agent("a"), "strategy", wander),
+    "deregister": lambda game: game.ctx.agent.get_agent("a").deregister_sensor("eyes"),
+    "member": lambda game: setattr(game.ctx.agent.get_agent("m_1"), "energy", 99),
+    "range": lambda game: setattr(game.ctx.sensor.get_sensor("eyes"), "range", 1.0),
+    "sensor": lambda game: game.ctx.sensor.create_sensor(f"more {len(game.ctx.sensor.sensors)}", SensorType.MAP),
+    "memory": lambda game: game.memories.get("a", {}).clear(),
+    "data": lambda game: game.data.setdefault("list", []).append(0),
+    "score": lambda game: game.scores.update(red=99),
+    "publish": lambda game: game.publish(said=game.turn),
+    "emit": lambda game: game.emit("noise"),
+    "rule": lambda game: game.add(lambda ctx: ctx.game.emit("late rule"), name=f"late {len(game.rules)}"),
+    "no rule": lambda game: game.remove("count") if any(one.name == "count" for one in game.rules) else None,
+    "setting": lambda game: setattr(game, "on_error", "stay"),
+    "road": remove_a_road,
+    "attribute of ctx": lambda game: setattr(game.ctx, "note", "later"),
+    "what a rule holds": lambda game: game.ctx.held.append(game.ctx.agent.get_agent("a")),
+    "what a cell holds": lambda game: game.ctx.swap(),
+}
+
+
+def game_of_plain_values(grid):
+    """Return a game with functions that close over it, and with plain values: its forks are made when they are read."""
+    ctx = grid()
+    ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=15)
+    held, agent = [ctx, {"ctx": ctx}], None
+
+    def stroll(state):
+        state["memory"].setdefault("turns", []).append(ctx.game.turn)
+        state["team_memory"].setdefault("seen", set()).add(state["name"])
+        state["action"] = state["draw"].choice(state["legal"])
+
+    def count(of):
+        of.game.data.setdefault("list", []).append([one is of for one in held[:1]])
+        of.game.scores["red"] += agent is None or agent._ctx is of
+
+    def swap():
+        nonlocal agent
+        agent = ctx.agent.get_agent("b")
+
+    ctx.held, ctx.swap, ctx.note = held, swap, "first"
+    for name in "abc":
+        ctx.agent.create_agent(name, start_node_id=4, team="red", strategy=stroll, sensors=["eyes"] * (name == "a"))
+    ctx.agent.get_agent("a").bag = ["first"]
+    ctx.agent.create_team("m", [0, 1], strategy=wander, columns={"energy": [1, 2]})
+    ctx.game.add(count)
+    ctx.game.add(rules.tag("red", "m"))
+    ctx.game.collect("where", len_of_red)
+    return ctx
+
+
+def len_of_red(ctx):
+    return len(ctx.agent.agents)
+
+
+def whole(game):
+    own = {one.name: (vars(one), one.state.get("memory"), [*one.sensors]) for one in game.agents}
+    ranges = {name: getattr(one, "range", None) for name, one in game.ctx.sensor.sensors.items()}
+    edges = [*game.ctx.graph.graph.get_edges()]
+    return copy.deepcopy((seen(game), own, ranges, edges, game.settings()["on_error"], game.facts, game.ctx.note))
+
+
+@settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)
+@given(turns=st.integers(0, 3), changes=st.lists(st.sampled_from(sorted(WHEREABOUTS)), max_size=4, unique=True))
+def test_a_fork_that_is_read_late_is_the_game_as_it_was(grid, turns, changes):
+    with game_of_plain_values(grid) as ctx:
+        ctx.game.run(turns)
+        early, late = ctx.game.fork(1), ctx.game.fork(1)
+        at_once, changed = whole(early), ctx.game.fork(2)
+        assert type(late) is UnreadFork
+        assert isinstance(late, Game)
+        for change in changes:
+            WHEREABOUTS[change](ctx.game)
+        ctx.terminate()
+        assert whole(late) == at_once
+        assert type(late) is Game
+        early.run(3)
+        late.run(3)
+        assert whole(late) == whole(early)
+        assert late.ctx.game is late
+        for change in changes:
+            WHEREABOUTS[change](changed)
+
+
+@settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
+@given(turns=st.integers(0, 3), changes=st.lists(st.sampled_from(sorted(WHEREABOUTS)), max_size=4, unique=True))
+def test_a_game_shows_nothing_of_changes_by_which_its_fork_is_read_first(grid, turns, changes):
+    with game_of_plain_values(grid) as ctx:
+        ctx.game.run(turns)
+        before = whole(ctx.game)
+        for change in changes:
+            if change != "what a rule holds" and change != "what a cell holds":  # lists that functions hold are shared
+                WHEREABOUTS[change](ctx.game.fork(1))
+        assert whole(ctx.game) == before
+
+
+def test_objects_that_can_change_are_copied_when_a_fork_is_taken(grid):
+    class Counter:
+        calls = 0
+
+        def __call__(self, state):
+            self.calls += 1
+            state["action"] = state["curr_pos"]
+
+    with game_of_plain_values(grid) as ctx:
+        ctx.agent.get_agent("a").strategy = Counter()
+        fork = ctx.game.fork(1)
+        assert type(fork) is Game
+        ctx.game.run(2)
+        assert fork.ctx.agent.get_agent("a").strategy.calls == 0
+        ctx.agent.get_agent("a").strategy = wander
+        ctx.agent.get_agent("b").friend = ctx.agent.get_agent("a")
+        fork = ctx.game.fork(1)
+        ctx.agent.get_agent("b").friend = None
+        assert fork.ctx.agent.get_agent("b").friend is fork.ctx.agent.get_agent("a")
+
+
+def test_one_thread_makes_a_fork_that_several_read_first(grid):
+    with game_of_plain_values(grid) as ctx:
+        ctx.game.run(2)
+        for _ in range(20):
+            fork = ctx.game.fork(1)
+            with ThreadPoolExecutor(4) as pool:
+                found = [*pool.map(lambda name, fork=fork: getattr(fork, name), ["ctx"] * 8)]
+            assert len({*map(id, found)}) == 1
+
+
+def test_a_fork_is_read_while_agents_of_its_game_decide(grid):
+    with game_of_plain_values(grid) as ctx:
+        ctx.game.run(2)
+        fork, read = ctx.game.fork(1), []
+
+        def peek(state):
+            read.append((fork.turn, fork.run(2).turns))
+            state["action"] = state["curr_pos"]
+
+        ctx.agent.get_agent("a").strategy = peek
+        ctx.game.step()
+        assert read == [(2, 4)]
 
 
 def test_agents_of_a_fork_share_the_sensors_that_agents_share(grid):

@@ -319,25 +319,29 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         self._row = block.take_over(self._block, self._row)
         self._block = block
 
-    def _copy_to(self, ctx: IContext, block: AgentBlock, memo: dict[int, Any]) -> Self:
-        """Return the view of the same row in a copy of the context; its attributes are not copied.
+    def _copy_to(
+        self, ctx: IContext, block: AgentBlock, row: int, equipment: Sequence[Any], memo: dict[int, Any]
+    ) -> Self:
+        """Return the view of a row in a copy of the context; its attributes are not copied.
 
         Args:
             ctx: the copy.
             block: the rows of its agents.
+            row: the row.
+            equipment: the strategy, the sensors, those that another agent also carries, and the last state.
             memo: the memo of `copy.deepcopy`, with the copies of sensors; gets the view.
         """
         kind = type(self)
         twin = kind.__new__(kind)
         memo[id(self)] = twin
-        sensors = {name: deepcopy(sensor, memo) for name, sensor in self._sensor_list.items()}
-        shared = tuple([deepcopy(sensor, memo) for sensor in self._shared])
+        strategy, carried_sensors, shared_sensors, state = equipment
+        sensors = {name: deepcopy(sensor, memo) for name, sensor in carried_sensors.items()}
+        shared = tuple([deepcopy(sensor, memo) for sensor in shared_sensors])
         near = deepcopy(self._near, memo)
-        last = [dict(self._last[0])]
-        values = phase_of(ctx), ctx, block, near, sensors, shared, (), last, self.strategy
+        values = phase_of(ctx), ctx, block, near, sensors, shared, (), [dict(state)], strategy
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(twin, name, value)  # NOTE: see `_begin`
-        object.__setattr__(twin, "_row", self._row)
+        object.__setattr__(twin, "_row", row)
         if sensors:
             twin._carry()
         return twin

@@ -368,7 +368,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._is_shared = False
         block = self.block
         self._new_block()
-        self._block.take_all(block)
+        self._block.take_all(block.values(), block.structure_values())
+        self._block.has_teams = block.has_teams
         self._block.succeed(block)
         for agent in self._agents.values():
             agent._block = self._block
@@ -537,8 +538,8 @@ class AgentStorage(Guarded):
             _equip_as(agent, *equipment)
         agents.block.journal = journal
 
-    def snapshot(self) -> AgentsSnapshot:
-        """Return the present state of all agents, for `restore`."""
+    def snapshot(self, copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copied_values) -> AgentsSnapshot:
+        """Return the present state of all agents, for `restore` and `copy_from`; attributes are copied as told."""
         engine = self._engine
         block = self._engine.block
         block.locate()
@@ -550,7 +551,7 @@ class AgentStorage(Guarded):
         return AgentsSnapshot(
             roster,
             block.values(),
-            [copied_values(one) if one else {} for one in attributes],
+            [copy_attributes(one) if one else {} for one in attributes],
             [agent._last[0] for agent in roster.agents],
             [dict(one.columns) for one in roster.teams],
             [(agent, agent._block) for agent in engine._deleted or () if agent._block is not block],
@@ -581,35 +582,37 @@ class AgentStorage(Guarded):
             roster.version = block.structure, block.structure.version
             self._roster = roster
 
-    def copy_from(self, other: "AgentStorage", memo: dict[int, Any]) -> None:
+    def copy_from(self, before: AgentsSnapshot, other: AgentEngine, memo: dict[int, Any]) -> None:
         """Copy the agents of another context into this one, which must have none.
 
         Args:
-            other: the storage of the other context.
+            before: the agents.
+            other: the agent engine of the other context, whose agents may have changed since.
             memo: maps their sensors to the copies, and gets the copies of agents; see `copy.deepcopy`.
         """
         engine = self._engine
-        source = other._engine.block
         block = engine.block
-        source.locate()
-        block.graph = None if source.graph is None else engine._ctx.graph.graph
-        memo[id(other)] = self
-        memo[id(other._engine)] = engine
-        memo[id(source)] = block
-        block.take_all(source)
-        stored = other._engine._stored()
-        teams = teams_in(stored)
-        if teams:
-            memo |= {key: members.copied() for key, members in teams.items()}
+        roster = before.roster
+        block.graph = engine._ctx.graph.graph if roster.stored else None
+        memo[id(other)] = engine
+        memo[id(other._storage)] = self
+        memo[id(other._block)] = block
+        block.take_all(before.columns, roster.columns)
+        block.has_teams = roster.has_teams
+        if roster.teams:
             engine._agents = AgentsByName({}, engine._made)
-        for name, agent in stored.items():
+        for members, columns in zip(roster.teams, before.of_teams, strict=True):
+            memo[id(members)] = members.copied(columns)
+        equipment = zip(roster.agents, roster.strategies, roster.sensors, roster.shared, before.states, strict=True)
+        for row, (name, agent) in enumerate(roster.stored.items()):
             if type(agent) is UncreatedMembers:
                 engine._agents[name] = memo[id(agent)]
-                continue
-            engine._agents[name] = agent._copy_to(engine._ctx, block, memo)
-        for agent in stored.values():  # after all copies exist, because attributes may refer to them
-            if type(agent) is not UncreatedMembers and agent.__dict__:
-                memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
+            else:
+                _, *carried = next(equipment)
+                engine._agents[name] = agent._copy_to(engine._ctx, block, row, carried, memo)
+        for agent, attributes in zip(roster.agents, before.attributes, strict=True):
+            if attributes:  # after all copies exist, because attributes may refer to them
+                memo[id(agent)].__dict__.update(copied_values(attributes, memo))
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
         """Hide the agents that are not `known`, in a copy of the game for agents that look ahead."""

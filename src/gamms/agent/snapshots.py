@@ -28,17 +28,20 @@ class Roster:
         columns: columns of the block that define the roster.
         teams: members whose objects did not exist.
         agents: agents whose objects existed.
-        strategies, sensors: the strategies and sensors of `agents`.
+        has_teams: whether a team was created whose agent objects are made on demand.
+        strategies, sensors, shared: the strategies and sensors of `agents`, and the sensors that others also carry.
     """
 
     def __init__(self, block: AgentBlock, stored: dict[str, Any]) -> None:
         self.stored = stored
         self.version = block.structure, block.structure.version
         self.columns = block.structure_values()
+        self.has_teams = block.has_teams
         self.teams = list(teams_in(stored).values()) if block.has_teams else []
         self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not UncreatedMembers]
         self.strategies = [agent.strategy for agent in self.agents]
         self.sensors = [agent._sensor_list.copy() for agent in self.agents]
+        self.shared = [agent._shared for agent in self.agents]
 
     def is_of(self, block: AgentBlock) -> bool:
         """Return whether this roster is valid now, except for members whose objects were created since."""
@@ -93,6 +96,12 @@ class AgentsSnapshot:
         for at, name in enumerate(compress(self.names, games.row("kind"))):
             found[name] = tuple(xyz[3 * at : 3 * at + 3])
         return found
+
+    @property
+    def strategies(self) -> list[Any]:
+        """The strategies of the agents, each once."""
+        all_of_them = [*self.roster.strategies, *(members.strategy for members in self.roster.teams)]
+        return [*{id(one): one for one in all_of_them}.values()]
 
     def has(self, name: str, agent: Any) -> bool:
         """Return whether an agent existed; `agent` may be its `UncreatedMembers`."""

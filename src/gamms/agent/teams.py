@@ -79,11 +79,10 @@ class UncreatedMembers:
         number = self.numbers[name]
         return {key: column[number : number + 1].tolist()[0] for key, column in self.columns.items()}
 
-    def copied(self) -> "UncreatedMembers":
-        """Return the members as if no objects had been created."""
-        return UncreatedMembers(
-            self.names, self.strategy, {name: column.copy() for name, column in self.columns.items()}
-        )
+    def copied(self, columns: dict[str, Column] | None = None) -> "UncreatedMembers":
+        """Return the members as if no objects had been created; with other attributes, if these are given."""
+        given = self.columns if columns is None else columns
+        return UncreatedMembers(self.names, self.strategy, {name: column.copy() for name, column in given.items()})
 
 
 class Agents(dict[str, BaseAgent]):

@@ -11,7 +11,7 @@ cpdef copied_each(object dicts, object memo=*)
 @cython.locals(made=dict)
 cpdef copied_filled(object each, object memo=*)
 @cython.locals(one=tuple)
-cpdef list copied_fields(list values, list copies)
+cpdef list copied_fields(list values, list copies, object memo=*)
 @cython.locals(one=tuple)
 cpdef int restore_fields(object state, list values, list shared, list replaced, list refilled) except -1
 cpdef refill(object known, object value)

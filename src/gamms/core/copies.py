@@ -12,6 +12,8 @@ from numpy import ndarray
 
 from gamms.core.form import as_dict
 
+ONLY_PLAIN: dict[int, Any] = {}
+"""In place of a memo: objects that are not plain are not copied, but raise NotPlain."""
 _ATOMS = frozenset({str, bytes, int, float, bool, complex, frozenset, type(None)})
 
 
@@ -24,11 +26,13 @@ def copied(value: Any, memo: Any = None) -> Any:
 
     Args:
         value: the value to copy.
-        memo: id of an object -> its replacement; see `copy.deepcopy`.
+        memo: id of an object -> its replacement, see `copy.deepcopy`; or `ONLY_PLAIN`.
     """
     try:
         return _copy_of(value, set())
     except NotPlain:
+        if memo is ONLY_PLAIN:
+            raise
         return deepcopy(value, memo)
 
 
@@ -37,6 +41,8 @@ def copied_values(each: Any, memo: Any = None) -> Any:
     try:
         return _copy_of(each, set())
     except NotPlain:
+        if memo is ONLY_PLAIN:
+            raise
         return {key: _copied_or_shared(value, memo) for key, value in each.items()}
 
 
@@ -62,16 +68,17 @@ def copied_filled(each: Any, memo: Any = None) -> Any:
     return made
 
 
-def copied_fields(values: list[Any], copies: list[tuple[int, Any]]) -> list[Any]:
+def copied_fields(values: list[Any], copies: list[tuple[int, Any]], memo: Any = None) -> list[Any]:
     """Replace some values of a list by copies, and empty ones by None; return the list.
 
     Args:
         values: the values.
         copies: the index of each of these values, and the function that copies it; see `copied`.
+        memo: given to these functions.
     """
     for one in copies:
         value = values[one[0]]
-        values[one[0]] = one[1](value, None) if value else None
+        values[one[0]] = one[1](value, memo) if value else None
     return values
 
 

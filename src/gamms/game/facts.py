@@ -35,6 +35,11 @@ class KnownFacts(ReadOnlyMapping):
         return {**state.facts, **state.team_facts.get(self._team, {}), **own}
 
 
+def facts_for(agent: str, team: Hashable, state: GameState, public: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the facts that an agent knows; `public` is a view of those that all know."""
+    return KnownFacts(state, team, agent) if state.agent_facts or state.team_facts else public
+
+
 def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     """Return the writable dict of facts published to a team, an agent (or its name), or everybody (None).
 

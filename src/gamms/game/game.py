@@ -3,14 +3,14 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
-from threading import get_ident
+from threading import RLock, get_ident
 from types import EllipsisType
-from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, names_keywords
 from gamms.compat import Surface
-from gamms.deciding import leaving_last_turn, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, leaving_last_turn, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
@@ -20,12 +20,12 @@ from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
 from gamms.game.snapshots import (
+    ForkSource,
     GameInternals,
     GameStart,
     Snapshot,
     SnapshotError,
     SnapshotTaker,
-    copy_game,
     copy_known,
     own,
 )
@@ -43,6 +43,9 @@ from gamms.versions import versions
 if TYPE_CHECKING:
     from gamms.game.batch import Batch, MostAgents
     from gamms.game.native import GameInCore
+
+
+_MAKING = RLock()  # held while a fork is made that is first read
 
 
 class Game(Surface, RuleVerbs):
@@ -534,6 +537,7 @@ class Game(Surface, RuleVerbs):
         These depend on the seed and on the seed of this game. The fork has its own context (`ctx`), without recorder
         and window. The map is shared until either game changes it; agents, sensors, data, memories, rules, settings and
         collectors are copied. The fork never changes this game. `reset` of the fork returns to the moment of the fork.
+        Its context, engines and agents are made when the fork is first read, from the game as it is now.
 
         Functions that close over the context or an agent get the counterparts in the fork; other objects that they
         hold, and objects that cannot be copied, are shared.
@@ -544,9 +548,12 @@ class Game(Surface, RuleVerbs):
             ContextTerminated: the context has ended.
         """
         own_seed = kernels.purpose_key(self.ctx.seed, "fork", as_int(seed, "seed")) >> 1
+        source = self._internals.capture()
+        if source is not None:
+            return cast("Game", UnreadFork(source, own_seed))
         ctx, _ = self._internals.fork(own_seed)
-        game: Game = ctx.game
-        return game
+        fork: Game = ctx.game
+        return fork
 
     def fork_for_deciders(self, seed: int, information: Information = "private") -> PrivateFork:
         """Return a copy of the game for the agents that are deciding; strategies call it as `state["fork"](seed)`.
@@ -571,20 +578,16 @@ class Game(Surface, RuleVerbs):
         own_seed = kernels.purpose_key(as_int(seed, "seed"), "private fork") >> 1
         names = tuple(sorted(self._phase.names()))
         with self._phase.suspended():
-            ctx, memo = self.ctx.fork(own_seed)
+            source = ForkSource(self._snapshots, only_plain=False)
+            ctx, memo = source.make_context(own_seed)
             game: Game = ctx.game
-            memo |= {id(self): game, id(self._state): game._state}
             if information == "full":
-                copy_game(self._snapshots, game._snapshots, memo)
+                source.copy_game(game._snapshots, memo)
                 game.configure({"plans": {}, "time_budget": None, "deadline_s": None})
-                game._state.began = self._internals.starts
             else:
-                copy_known(self._snapshots, game._snapshots, memo, frozenset(names), self._internals.starts)
+                copy_known(source, self._snapshots, game._snapshots, memo, frozenset(names))
             ctx.is_seeded = True
             game._state.parts_played = self._turns.part
-            game._internals.digests = self._internals.digests
-            game._internals.map_number = self._internals.map_number
-            game._internals.map_spec = self._internals.map_spec
             game._begin()
         return PrivateFork(game, names, lambda value: own(value, memo))
 
@@ -658,3 +661,44 @@ class Game(Surface, RuleVerbs):
         except BaseException:
             self.ctx.reseed(last, chance)
             raise
+
+
+class UnreadFork(Surface, ContextPart):
+    """A fork that nobody has read yet. It becomes a `Game` when an attribute is first read or set.
+
+    Args:
+        source: the game that was forked, at that moment.
+        seed: the seed of the fork.
+    """
+
+    def __init__(self, source: ForkSource, seed: int) -> None:
+        object.__setattr__(self, "_source", source)
+        object.__setattr__(self, "_seed", seed)
+
+    def __getattribute__(self, name: str) -> Any:
+        """Become a game, and return its attribute."""
+        if name == "__class__":  # of `isinstance`
+            return Game
+        with _MAKING:  # other threads wait
+            kind = type(self)
+            if kind is UnreadFork:
+                parts = object.__getattribute__(self, "__dict__")
+                ctx, _ = parts["_source"].make_fork(parts["_seed"], self)
+                object.__setattr__(self, "__dict__", vars(ctx.game))  # its engines have them, too
+                object.__setattr__(self, "__class__", Game)
+                ctx.use_game(self)
+        return getattr(self, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Become a game, and set its attribute."""
+        setattr(self.ctx.game, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        """Become a game, and delete its attribute."""
+        delattr(self.ctx.game, name)
+
+    def __repr__(self) -> str:
+        return repr(self.ctx.game)
+
+    def __dir__(self) -> list[str]:
+        return dir(self.ctx.game)

@@ -452,14 +452,18 @@ class Collectors:
         return {name: {key: list(column) for key, column in one.columns.items()} for name, one in self.by_name.items()}
 
     def copy_from(self, other: "Collectors", own: Callable[[Any], Any]) -> None:
-        """Copy the collectors of another game.
+        """Copy the collectors of another game; see `take_copies`."""
+        self.take_copies(other.snapshot(), own)
+
+    def take_copies(self, before: Mapping[str, CollectorMark], own: Callable[[Any], Any]) -> None:
+        """Copy collectors of another game.
 
         Args:
-            other: the collectors of that game.
+            before: the result of `snapshot` in that game.
             own: returns the counterpart of a function in this game.
         """
-        for name, one in other.by_name.items():
-            columns = {key: column.copy() for key, column in one.columns.items()}
+        for name, (one, marks) in before.items():
+            columns = {key: entries[:length] for key, (entries, length) in marks.items()}
             self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, marked=dict.fromkeys(columns, 0))
 
     def snapshot(self) -> dict[str, CollectorMark]:

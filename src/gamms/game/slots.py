@@ -12,7 +12,7 @@ from gamms import kernels
 from gamms.arguments import as_range
 from gamms.core.ask import DecidingAgent, SensorCall
 from gamms.errors import GammsError
-from gamms.game.facts import KnownFacts, PrivateForks
+from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
@@ -168,7 +168,7 @@ class AgentSlot:
             "rng": self.rng,
             "memory": state.memory_of(self.name),
             **({"team_memory": None} if settings.team_memory else {}),
-            "facts": KnownFacts(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
+            "facts": facts_for(self.name, self.team, state, facts),
             "blocked": self._why_blocked(),
             "fork": fork,
             **({"deeds": settings.deeds} if settings.deeds else {}),

@@ -7,10 +7,10 @@ from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple, cast
 
 from gamms.arguments import DescribedFunction, annotations_of
-from gamms.core.copies import copied
+from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
 from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
-from gamms.game.facts import PrivateForks
+from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import Collectors, warn_of_idle
 from gamms.game.settings import NamedRule, NodesOf, Plan, RuleSet, RuleTable, Settings, refuse_misfits
@@ -24,10 +24,12 @@ from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
 from gamms.readonly import NotPickled
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
-from gamms.typing.context import HostContext
+from gamms.typing.context import HostContext, IContext
 
 _KEPT = at((KEPT,), dict_of(NAME, dict_of(NAME, ARRAY_OF_ONE)))  # of array functions
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+_PARTIAL = frozenset({partial, DescribedFunction})
+_FUNCTIONS = frozenset({FunctionType, MethodType, *_PARTIAL})
 _UNKNOWN = object()
 
 
@@ -82,16 +84,19 @@ class Snapshot(NotPickled):
     @property
     def data(self) -> dict[str, Any]:
         """The data of rules; read-only."""
-        data: dict[str, Any] | None = self._value("data")
-        return data or {}
+        return self.get("data") or {}
 
-    def _value(self, name: str) -> Any:
-        """Return the value of a field of the game."""
+    def get(self, name: str) -> Any:
+        """Return the value of a field of the game; None if it is an empty dict."""
         return self._values[SAVED.index(name)]
+
+    def part(self, name: str) -> Any:
+        """Return a part of the game: "settings", "rules", "collectors" or "logs", as the game keeps them."""
+        return self._parts[name]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with its context."""
-        moves = self._value("moves")
+        moves = self.get("moves")
         agents = deepcopy(self._parts["agent_engine"], memo)
         if moves is not None and id(moves) not in memo:  # they hold views of arrays
             memo[id(moves)] = moves.of_agents(agents, partial(_twin_of, memo))
@@ -129,13 +134,17 @@ class SnapshotTaker(NamedTuple):
         if self.turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
-    def take(self) -> Snapshot:
-        """Return a snapshot."""
+    def take(
+        self,
+        copy_state: Callable[[GameState], list[Any]] = GameState.copies,
+        copy_attributes: Callable[[dict[str, Any]], dict[str, Any]] = copied_values,
+    ) -> Snapshot:
+        """Return a snapshot with the values of the game, and the attributes of the agents, copied as told."""
         ctx = self.ctx
         state = self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
-            "agents": ctx.agent.storage.snapshot(),
+            "agents": ctx.agent.storage.snapshot(copy_attributes),
             "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
@@ -147,7 +156,7 @@ class SnapshotTaker(NamedTuple):
             "rng": ctx.rng_state(),
             "prepared": self.turns.prepared,
         }
-        return Snapshot(state.turn, ctx.seed, state, state.copies(), parts)
+        return Snapshot(state.turn, ctx.seed, state, copy_state(state), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
         """Return whether a snapshot belongs to this game."""
@@ -187,67 +196,198 @@ class SnapshotTaker(NamedTuple):
 # -- forks ------------------------------------------------------------------------------------------------------
 
 
-def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
-    """Copy a whole game into the game of a new context, whose map, agents and sensors are already copies.
+class ForkSource:
+    """A game at a moment, of which a fork is made: at once, or when the fork is first read.
 
     Args:
-        source: the parts of the game.
-        target: the parts of the new game.
-        memo: id of an object -> its copy, for the context, its engines, agents and sensors.
-    """
-    source.turns.update_counts()
-    for agent in source.ctx.agent.storage.made():
-        strategy = own(agent.strategy, memo)
-        if strategy is not agent.strategy:
-            memo[id(agent)].decide_by(strategy)
-    target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
+        parts: the parts of the game.
+        only_plain: whether the fork may be made later. Then all values are copied now, and what functions hold is
+            noted; otherwise they are the values of the game.
 
-    for name, copy_of in COPY_OF.items():
-        if not FIELDS[name].is_own:
-            target.state.put(name, copy_of(getattr(source.state, name), memo))
-    target.state.copy_logs(source.state)
-    plans = source.settings.plans.items()
-    copy_means(source, target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
-    target.collectors.copy_from(source.collectors, lambda fn: own(fn, memo))
-    _renew_states(target)
-    moves: TurnMoves | None = source.state.moves
-    if moves is not None:
-        target.state.moves = moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
+    Attributes:
+        snapshot: the game.
+        agents: its agents.
+        held: id of a function -> the contents of its cells; and of each list and dict that it holds -> the items.
+
+    Raises:
+        NotPlain: `only_plain`, and the game has other objects than plain values, functions and parts of the context.
+    """
+
+    def __init__(self, parts: SnapshotTaker, *, only_plain: bool) -> None:
+        self._state = parts.state
+        self._game = parts.ctx.game
+        self.snapshot = (
+            parts.take(GameState.plain_copies, _plain_values) if only_plain else parts.take(GameState.values, dict)
+        )
+        self.agents = self.snapshot.agents
+        self.agents.states = [dict(state) for state in self.agents.states]
+        self._team_memories = [state.get("team_memory") for state in self.agents.states]
+        self.held: dict[int, Any] = {}
+        if only_plain:
+            copies = {id(one): copied(one, ONLY_PLAIN) for one in self._team_memories}
+            self._team_memories = [copies[id(one)] for one in self._team_memories]
+            self._note_functions()
+        self._context = parts.ctx.capture(self.agents, only_plain=only_plain)
+        internals = self._game.internals
+        self._scenario = internals.scenario
+        self._digests = internals.digests
+        self._map = internals.map_number, internals.map_spec
+
+    @property
+    def starts(self) -> dict[str, int | Position]:
+        """Agent -> its start; see `GameInternals.starts`."""
+        began: dict[str, int | Position] = self.snapshot.get("began") or {}
+        start: GameStart | None = self.snapshot.get("start")
+        if start is None:
+            return dict(began)
+        if not self.snapshot.get("has_begun"):
+            places: dict[str, int | Position] = self.agents.places
+            return places | began
+        stored = {name: one for name, one in self.agents.roster.stored.items() if name not in began}
+        return start.snapshot.places_of(stored) | began
+
+    def make_fork(self, seed: int, fork: object = None) -> tuple[Any, Memo]:
+        """Make a complete fork; call it once.
+
+        Args:
+            seed: its seed.
+            fork: what functions get in place of the game; None: the new game.
+
+        Returns:
+            The context (Any: its class imports this one), and a memo of `copy.deepcopy`: id of an object -> its copy.
+        """
+        ctx, memo = self.make_context(seed)
+        ahead: GameInternals = ctx.game.internals
+        ahead.scenario = self._scenario
+        memo[id(self._game)] = fork or ctx.game
+        self.copy_game(ahead.parts, memo)
+        return ctx, memo
+
+    def make_context(self, seed: int) -> tuple[Any, Memo]:
+        """Make a fork with a new game, for `copy_game` or `copy_known`; see `make_fork`."""
+        memo = ForkMemo()
+        memo.held = self.held
+        ctx = self._context.make_fork(seed, memo)
+        ahead: GameInternals = ctx.game.internals
+        memo |= {id(self._game): ctx.game, id(self._state): ahead.state}
+        ahead.digests = self._digests
+        ahead.map_number, ahead.map_spec = self._map
+        return ctx, memo
+
+    def copy_game(self, target: SnapshotTaker, memo: Memo) -> None:
+        """Copy the whole game into the game of a context from `make`."""
+        storage = target.ctx.agent.storage
+        for agent in storage.made():
+            strategy = own(agent.strategy, memo)
+            if strategy is not agent.strategy:
+                agent.decide_by(strategy)
+        storage.renew_strategies(lambda strategy: own(strategy, memo))
+        state = target.state
+        for name, copy_of in COPY_OF.items():
+            value = self.snapshot.get(name)
+            if value is not None and not FIELDS[name].is_own:
+                state.put(name, copy_of(value, memo))
+        state.copy_logs(self.snapshot.part("logs"))
+        plans = self.snapshot.part("settings")["plans"].items()
+        self.copy_means(target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
+        target.collectors.take_copies(self.snapshot.part("collectors"), lambda fn: own(fn, memo))
+        self._renew_states(target)
+        moves: TurnMoves | None = self.snapshot.get("moves")
+        if moves is not None:
+            state.moves = moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
+        state.began = self.starts
+
+    def copy_means(self, target: SnapshotTaker, memo: Memo, **others: object) -> None:
+        """Copy the functions of sensors, the rules and the settings; `others` replaces some settings."""
+        for sensor in target.ctx.sensor.sensors.values():
+            if getattr(sensor, "function", None) is not None:
+                sensor.function = own(sensor.function, memo)
+        defaults = target.settings.settings()
+        settings = {**self.snapshot.part("settings"), **others}
+        given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
+        target.settings.configure(given)
+        known: RuleTable = self.snapshot.part("rules")
+        rules = [one._replace(rule=own(one.rule, memo)) for one in known.rules]
+        are_same = all(new.rule is one.rule for new, one in zip(rules, known.rules, strict=True))
+        target.rules.replace(known if are_same and not known.changed() else RuleTable(tuple(rules)))
+
+    def _renew_states(self, target: SnapshotTaker) -> None:
+        """Insert what agents of the fork know into their last states, and their streams when one is read."""
+        fork = PrivateForks(target.ctx)
+        states = []
+        for agent, team_memory in zip(target.ctx.agent.storage.made(), self._team_memories, strict=True):
+            state = cast("dict[str, Any]", agent.state)
+            if "memory" in state:
+                state["memory"] = target.state.memory_of(agent.name)
+                state["team_memory"] = copied(team_memory)
+                state["facts"] = facts_for(agent.name, agent.team, target.state, target.ctx.game.facts)
+                state["fork"] = fork
+                states.append((agent, state))
+        if states:
+            target.turns.phase.leave_unread(partial(_renew_streams, target, states))
+
+    def _note_functions(self) -> None:
+        """Note what the functions of the game hold; see `own`."""
+        settings = self.snapshot.part("settings")
+        functions = [*self.agents.strategies, *(plan.function for plan in settings["plans"].values())]
+        functions += [one.rule for one in self.snapshot.part("rules").rules]
+        functions += [one.fn for one, _ in self.snapshot.part("collectors").values()]
+        for function in (*functions, settings["conflicts"], settings["default_action"]):
+            if type(function) not in (_FUNCTIONS | _SCALARS):
+                raise NotPlain  # an object, which is copied
+            _note_held(function, self.held)
+
+
+class ForkMemo(dict[int, Any]):
+    """The memo of a fork: id of an object -> its copy.
+
+    Attributes:
+        held: what functions held when the fork was taken; see `ForkSource`.
+    """
+
+    held: dict[int, Any]
+
+
+def _plain_values(attributes: dict[str, Any]) -> dict[str, Any]:
+    made: dict[str, Any] = copied_values(attributes, ONLY_PLAIN)
+    return made
+
+
+def _note_held(value: Any, held: dict[int, Any]) -> None:
+    """Note the present content of each cell, list and dict that a function holds; see `_rebound`.
+
+    Raises:
+        NotPlain: it holds an object that has to be copied at once.
+    """
+    kind = type(value)
+    if kind in _SCALARS or id(value) in held:
+        return
+    parts: Iterable[Any] = ()
+    if kind is FunctionType:
+        parts = held[id(value)] = [_content_of(cell) for cell in value.__closure__ or ()]
+    elif kind is MethodType:
+        if not _is_replaced(value.__self__):
+            raise NotPlain
+    elif kind in _PARTIAL:
+        parts = value.func, value.args, value.keywords
+    elif kind is dict:
+        parts = held[id(value)] = [] if _is_of_scalars(value) else [*value.items()]
+    elif kind is list or kind is tuple:
+        parts = held[id(value)] = [*value]
+    elif isinstance(value, ContextPart) and not _is_replaced(value):
+        raise NotPlain
+    for part in parts:
+        _note_held(part, held)
+
+
+def _is_replaced(value: object) -> bool:
+    """Return whether a value is a context, or a part that has a counterpart in each fork."""
+    return isinstance(value, IContext) or getattr(type(value), "__deepcopy__", None) is ContextPart.__deepcopy__
 
 
 def _twin_of(memo: Memo, agent: Any) -> Any:
     """Return the copy of an agent; a deleted agent is copied now."""
     return memo.get(id(agent)) or copied_part(agent, memo)
-
-
-def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **others: object) -> None:
-    """Copy the functions of sensors, the rules and the settings of a game; `others` replaces some settings."""
-    for sensor in target.ctx.sensor.sensors.values():
-        if getattr(sensor, "function", None) is not None:
-            sensor.function = own(sensor.function, memo)
-    defaults = target.settings.settings()
-    settings = {**source.settings.settings(), **others}
-    given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
-    target.settings.configure(given)
-    rules = [one._replace(rule=own(one.rule, memo)) for one in source.rules.rules]
-    are_same = all(new.rule is one.rule for new, one in zip(rules, source.rules.rules, strict=True))
-    can_share = are_same and not source.rules.now.changed()
-    target.rules.replace(source.rules.now if can_share else RuleTable(tuple(rules)))
-
-
-def _renew_states(target: SnapshotTaker) -> None:
-    """Insert the memories of the fork into the last states of its agents, and its random streams when one is read."""
-    fork = PrivateForks(target.ctx)
-    states = []
-    for agent in target.ctx.agent.storage.made():
-        state = cast("dict[str, Any]", agent.state)
-        if "memory" in state:
-            state["memory"] = target.state.memory_of(agent.name)
-            state["team_memory"] = copied(state.get("team_memory"))
-            state["fork"] = fork
-            states.append((agent, state))
-    if states:
-        target.turns.phase.leave_unread(partial(_renew_streams, target, states))
 
 
 def _renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, Any]]]) -> None:
@@ -293,7 +433,9 @@ def _rebound(value: object, memo: Memo) -> Any:
 def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
     memo[id(function)] = function  # it may close over itself
     cells = function.__closure__ or ()
-    made = tuple([_rebound_cell(cell, memo) for cell in cells])
+    held = _content_then(function, memo)
+    contents = [_content_of(cell) for cell in cells] if held is None else held
+    made = tuple([_rebound_cell(*one, memo) for one in zip(cells, contents, strict=True)])
     if all(new is cell for new, cell in zip(made, cells, strict=True)):
         return function
     twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, made)
@@ -307,13 +449,21 @@ def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
     return twin
 
 
-def _rebound_cell(cell: CellType, memo: Memo) -> CellType:
+def _content_then(holder: object, memo: Memo) -> Any:
+    """Return what a function, list or dict held when a fork was taken; None: that is not noted."""
+    return memo.held.get(id(holder)) if isinstance(memo, ForkMemo) else None
+
+
+def _content_of(cell: CellType) -> Any:
     try:
-        value = cell.cell_contents
+        return cell.cell_contents
     except ValueError:  # nothing was assigned yet
-        return cell
-    made = _rebound(value, memo)
-    return cell if made is value else CellType(made)
+        return _UNKNOWN
+
+
+def _rebound_cell(cell: CellType, content: Any, memo: Memo) -> CellType:
+    made = _rebound(content, memo)
+    return cell if made is content else CellType(made)
 
 
 def _rebound_method(method: MethodType, memo: Memo) -> Any:
@@ -333,15 +483,24 @@ def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
 
 
 def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
-    items = [_rebound(one, memo) for one in values]
-    return values if all(new is one for new, one in zip(items, values, strict=True)) else type(values)(items)
+    held = _content_then(values, memo)
+    known = values if held is None else held
+    items = [_rebound(one, memo) for one in known]
+    return values if all(new is one for new, one in zip(items, known, strict=True)) else type(values)(items)
 
 
 def _rebound_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
-    if all(type(one) in _SCALARS for one in values.values()):  # for example a territory of many nodes
+    held = _content_then(values, memo)
+    if held is None and _is_of_scalars(values):
         return values
-    items = {key: _rebound(one, memo) for key, one in values.items()}
-    return values if all(items[key] is one for key, one in values.items()) else items
+    known = values if held is None else dict(held)
+    items = {key: _rebound(one, memo) for key, one in known.items()}
+    return values if all(items[key] is one for key, one in known.items()) else items
+
+
+def _is_of_scalars(values: dict[Any, Any]) -> bool:
+    """Return whether all values of a dict are scalars, for example those of a territory of many nodes."""
+    return all(type(one) in _SCALARS for one in values.values())
 
 
 _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
@@ -487,18 +646,17 @@ class GameInternals(ContextPart):
             SnapshotError: a turn is being played.
             ContextTerminated: the context has ended.
         """
-        source = self._parts
-        source.refuse_in_turn("taken")
-        ctx, memo = source.ctx.fork(seed)
-        ahead: GameInternals = ctx.game.internals
-        memo |= {id(source.ctx.game): ctx.game, id(self.state): ahead.state}
-        ahead.scenario = self.scenario
-        ahead.digests = self.digests
-        ahead.map_number = self.map_number
-        ahead.map_spec = self.map_spec
-        copy_game(source, ahead.parts, memo)
-        ahead.state.began = self.starts
-        return ctx, memo
+        self._parts.refuse_in_turn("taken")
+        return ForkSource(self._parts, only_plain=False).make_fork(seed)
+
+    @refused_while_deciding
+    def capture(self) -> ForkSource | None:
+        """Return the present game, of which a fork can be made later; None: it has objects that are copied at once."""
+        self._parts.refuse_in_turn("taken")
+        try:
+            return ForkSource(self._parts, only_plain=True)
+        except NotPlain:
+            return None
 
     def copy_streams(self, target: "GameInternals") -> None:
         """Copy the random streams to a copy of the game, so that it draws the same numbers."""
@@ -537,31 +695,30 @@ _IN_ALL_GAMES: dict[str, Any] = {
 
 
 def copy_known(
-    source: SnapshotTaker, target: SnapshotTaker, memo: Memo, names: frozenset[str], starts: Mapping[str, object]
+    known: ForkSource, source: SnapshotTaker, target: SnapshotTaker, memo: Memo, names: frozenset[str]
 ) -> None:
     """Copy the knowledge of some agents into the game of a new context.
 
     Args:
+        known: the game as it is now.
         source: the parts of the game.
         target: the parts of the new game; its map, agents and sensors are already copies.
         memo: id of an object -> its copy, for the context, its engines, agents and sensors.
         names: the names of the agents.
-        starts: agent -> its start.
     """
-    source.turns.update_counts()
     start = source.state.start.snapshot
     target.ctx.agent.storage.hide(start.agents, names)
     target.ctx.sensor.storage.hide(start.sensors, names)
-    copy_means(source, target, memo, **_IN_ALL_GAMES)
+    known.copy_means(target, memo, **_IN_ALL_GAMES)
     teams = frozenset(one.team for name, one in source.ctx.agent.agents.items() if name in names)
     state = target.state
     state.data.update(copied(start.data, memo))
-    state.copy_logs(source.state)
+    state.copy_logs(known.snapshot.part("logs"))
     state.put_known(source.state, names, teams)
     state.messages = _heard(source.state, names)
     for log in ("errors", "deeds"):
         setattr(state, log, [dict(entry) for entry in getattr(source.state, log) if entry.get("agent") in names])
-    state.began = {name: place for name, place in starts.items() if name in names}
+    state.began = {name: place for name, place in known.starts.items() if name in names}
     for rule in target.rules.rules:
         prepare = rule.spec.prepare
         if prepare is not None and rule.spec.disclose is None:  # it may draw random state that no agent knows

@@ -583,20 +583,33 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         return self.graph.revision, self.obstacle_revision, self.graph.attribution, self.graph.scenery
 
 
-def share_map(ctx: IContext, source: GraphEngine, memo: dict[int, Any]) -> GraphEngine:
-    """Return an engine with the map of another context, which both share until one of them changes it.
+class SharedMap:
+    """The map of a context at a moment, for another context; both share it until one of them changes it.
 
     Args:
-        ctx: the context of the new engine.
-        source: the engine of the other context.
-        memo: gets the counterparts of the parts of `source`; see `copy.deepcopy`.
+        source: the engine of the context.
     """
-    target = GraphEngine.__new__(GraphEngine)
-    store = source._store.fork()
-    target._begin(ctx, store, source._obstacles.fork(), source.graph._fork(store, phase_of(ctx)))
-    target._storage.visibility_rows = source._storage.visibility_rows
-    for name in ("_graph", "_store", "_obstacles", "_storage"):
-        memo[id(getattr(source, name))] = getattr(target, name)
-    memo[id(source)] = target
-    memo[id(source._store.neighborhoods)] = target._store.neighborhoods
-    return target
+
+    def __init__(self, source: GraphEngine) -> None:
+        self._source = source
+        self._graph = source.graph
+        self._store = source._store.fork()
+        self._obstacles = source._obstacles.fork()
+
+    def make_engine(self, ctx: IContext, memo: dict[int, Any]) -> GraphEngine:
+        """Return the engine of the other context; call it once.
+
+        Args:
+            ctx: that context.
+            memo: gets the counterparts of the parts of the source; see `copy.deepcopy`.
+        """
+        source = self._source
+        target = GraphEngine.__new__(GraphEngine)
+        target._begin(ctx, self._store, self._obstacles, self._graph._fork(self._store, phase_of(ctx)))
+        target._storage.visibility_rows = source._storage.visibility_rows
+        memo[id(self._graph)] = target.graph
+        for name in ("_store", "_obstacles", "_storage"):
+            memo[id(getattr(source, name))] = getattr(target, name)
+        memo[id(source)] = target
+        memo[id(source._store.neighborhoods)] = target._store.neighborhoods
+        return target

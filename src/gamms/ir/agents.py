@@ -271,15 +271,16 @@ class AgentBlock(AgentColumns):
             self.inactive.add(new)
         return new
 
-    def take_all(self, source: AgentBlock) -> None:
-        """Copy all agents of another block to this block, which must be empty."""
-        for name in (*_LISTS, "placed", "team_rows"):
-            setattr(self, name, getattr(source, name).copy())
-        self.has_teams = source.has_teams
-        self.numbers = source.numbers
-        self._edge_numbers = source._edge_numbers
-        self.games = source.games.copied()
-        self.flyers = source.flyers.copy()
+    def take_all(self, values: Mapping[str, Any], structure: Mapping[str, list[Any]]) -> None:
+        """Copy all agents of another block, from its `values` and `structure_values`, to this block, which is empty."""
+        for name, column in structure.items():
+            setattr(self, name, column.copy())
+        for name in (*_PLACES, "placed", "team_rows"):
+            setattr(self, name, values[name].copy())
+        self.flyers = [*compress(count(), self.kind)]
+        self.numbers = values["numbers"]
+        self._edge_numbers = values["edge_numbers"]
+        self.games = values["games"].copied()
         self._show()
         self._derive()
         self._unlocated = set(self.flyers)

@@ -12,6 +12,7 @@ from types import NoneType
 from typing import Any, Self, cast
 
 from gamms.core.copies import (
+    ONLY_PLAIN,
     copied,
     copied_dict,
     copied_each,
@@ -402,9 +403,21 @@ class GameState:
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
-    def copies(self) -> list[Any]:
-        """Return the values for snapshots, of the fields `SAVED` in order; None for an empty dict."""
-        return copied_fields([*_saved_of(self)], _COPIED)
+    def values(self) -> list[Any]:
+        """Return the present values of the fields `SAVED` in order, which may change later."""
+        return [*_saved_of(self)]
+
+    def copies(self, memo: Memo | None = None) -> list[Any]:
+        """Return the values for snapshots, of the fields `SAVED` in order; None for an empty dict.
+
+        Args:
+            memo: see `core.copies.copied`.
+        """
+        return copied_fields(self.values(), _COPIED, memo)
+
+    def plain_copies(self) -> list[Any]:
+        """Return `copies`; raise NotPlain if a value contains other objects than plain values."""
+        return self.copies(ONLY_PLAIN)
 
     def restore(self, values: list[Any]) -> None:
         """Set the fields to copies of the values from `copies`."""
@@ -423,10 +436,10 @@ class GameState:
             setattr(self, name, log_at(getattr(self, name), entries, length, marked))
         self.marked = lengths
 
-    def copy_logs(self, source: "GameState") -> None:
-        """Copy the logs of another game, with the same entries."""
-        for name in LOGS:
-            setattr(self, name, getattr(source, name).copy())
+    def copy_logs(self, marks: LogMarks) -> None:
+        """Copy the logs of another game as they were at its `marks`, with the same entries."""
+        for name, entries, length in zip(LOGS, *marks, strict=True):
+            setattr(self, name, entries[:length])
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent."""

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
 from gamms.arguments import as_declared, as_mapping, as_member, as_name
 from gamms.compat import Surface
+from gamms.core.copies import ONLY_PLAIN, NotPlain, copied
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
@@ -314,23 +315,37 @@ class SensorStorage(Guarded):
             if hasattr(sensor, "reset"):
                 sensor.reset()
 
-    def copy_from(self, other: "SensorStorage", memo: dict[int, Any]) -> None:
+    def capture(self, *, only_plain: bool) -> dict[str, tuple[ISensor, Any]]:
+        """Return the sensors and their attributes, for `copy_from`.
+
+        Args:
+            only_plain: whether later changes of the sensors leave the result as it is.
+
+        Raises:
+            NotPlain: a sensor has other attributes than plain values, or is of a class of the user's.
+        """
+        return {name: (one, _attributes_of(one, only_plain=only_plain)) for name, one in self._engine._sensors.items()}
+
+    def copy_from(self, sensors: Mapping[str, tuple[ISensor, Any]], other: SensorEngine, memo: dict[int, Any]) -> None:
         """Copy the sensors of another context into this one, which must have none.
 
         Args:
-            other: the storage of the other context.
+            sensors: the sensors, see `capture`.
+            other: the sensor engine of the other context, whose sensors may have changed since.
             memo: maps other parts of the context to their copies, and gets the copies; see `copy.deepcopy`.
         """
-        memo[id(other)] = self
-        memo[id(other._engine)] = self._engine
-        memo[id(other.memory)] = self.memory
-        for name, part in vars(other.memory).items():
+        storage = other._storage
+        memo[id(other)] = self._engine
+        memo[id(storage)] = self
+        memo[id(storage.memory)] = self.memory
+        for name, part in vars(storage.memory).items():
             memo[id(part)] = getattr(self.memory, name)
-        for sensor in other._engine._sensors.values():
-            for sensed in sensor._last if isinstance(sensor, Sensor) else ():
+        for sensor, attributes in sensors.values():
+            slots = attributes[1] if isinstance(attributes, tuple) else {}
+            for sensed in slots.get("_last", sensor._last) if isinstance(sensor, Sensor) else ():
                 memo[id(sensed)] = sensed  # later looks do not change earlier data
-        self._engine._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._engine._sensors.items()}
-        self._engine._warned |= other._engine._warned
+        self._engine._sensors |= {name: _copy_of(*one, memo) for name, one in sensors.items()}
+        self._engine._warned |= other._warned
 
     def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
         """Reset sensors that no `known` agent carries to their settings in a snapshot, and clear their data.
@@ -414,10 +429,22 @@ def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]
     return (give, restore) if callable(give) and callable(restore) else None
 
 
-def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
+def _attributes_of(sensor: ISensor, *, only_plain: bool) -> Any:
+    """Return the attributes of a sensor and those in slots; None for a class that is no `Sensor`; see `capture`."""
+    attributes: Any = sensor.__getstate__() if isinstance(sensor, Sensor) else None
+    if not only_plain:
+        return attributes
+    if not (_is_simple(sensor) and sensor._is_ours):
+        raise NotPlain
+    others, slots = attributes
+    slots["_last"] = sensor._last.copy()
+    return others and copied(others, ONLY_PLAIN), slots
+
+
+def _copy_of(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISensor:
     """Return a copy; a custom sensor that cannot be copied is shared."""
     if isinstance(sensor, Sensor):
-        return copied_part(sensor, memo)
+        return copied_part(sensor, memo, attributes)
     try:
         return deepcopy(sensor, memo)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
