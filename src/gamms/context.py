@@ -179,7 +179,7 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
                 self._game = Game(self)
         return self._game
 
-    @refused_while_deciding
+    @leaving_last_turn
     def use_game(self, game: object) -> None:
         """Set the turn engine: the one that the program has of a fork; see `gamms.game.game.UnreadFork`."""
         self._game = cast("Game", game)

@@ -277,11 +277,12 @@ class ForkSource:
     def copy_game(self, target: SnapshotTaker, memo: Memo) -> None:
         """Copy the whole game into the game of a context from `make`."""
         storage = target.ctx.agent.storage
+        strategies = {id(one): own(one, memo) for one in self.agents.strategies}
         for agent in storage.made():
-            strategy = own(agent.strategy, memo)
+            strategy = strategies[id(agent.strategy)]
             if strategy is not agent.strategy:
                 agent.decide_by(strategy)
-        storage.renew_strategies(lambda strategy: own(strategy, memo))
+        storage.renew_strategies(lambda strategy: strategies[id(strategy)])
         state = target.state
         for name, copy_of in COPY_OF.items():
             value = self.snapshot.get(name)
