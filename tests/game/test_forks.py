@@ -286,6 +286,8 @@ WHEREABOUTS = {
     "deregister": lambda game: game.ctx.agent.get_agent("a").deregister_sensor("eyes"),
     "member": lambda game: setattr(game.ctx.agent.get_agent("m_1"), "energy", 99),
     "range": lambda game: setattr(game.ctx.sensor.get_sensor("eyes"), "range", 1.0),
+    "conflicts": lambda game: setattr(game.conflicts, "allow_swaps", False),
+    "function": lambda game: setattr(game.ctx.sensor.get_sensor("inbox"), "function", lambda node_id: -node_id),
     "sensor": lambda game: game.ctx.sensor.create_sensor(f"more {len(game.ctx.sensor.sensors)}", SensorType.MAP),
     "memory": lambda game: game.memories.get("a", {}).clear(),
     "data": lambda game: game.data.setdefault("list", []).append(0),
@@ -322,8 +324,10 @@ def game_of_plain_values(grid):
         agent = ctx.agent.get_agent("b")
 
     ctx.held, ctx.swap, ctx.note = held, swap, "first"
-    for name in "abc":
-        ctx.agent.create_agent(name, start_node_id=4, team="red", strategy=stroll, sensors=["eyes"] * (name == "a"))
+    ctx.sensor.from_function("inbox", lambda node_id: [node_id, ctx.game.turn])
+    ctx.game.conflicts = rules.Conflicts(capacity=4, resolve=lambda contest, ctx: contest.movers[: contest.places])
+    for name, sensors in zip("abc", (["eyes"], ["inbox"], []), strict=True):
+        ctx.agent.create_agent(name, start_node_id=4, team="red", strategy=stroll, sensors=sensors)
     ctx.agent.get_agent("a").bag = ["first"]
     ctx.agent.create_team("m", [0, 1], strategy=wander, columns={"energy": [1, 2]})
     ctx.game.add(count)
@@ -340,7 +344,8 @@ def whole(game):
     own = {one.name: (vars(one), one.state.get("memory"), [*one.sensors]) for one in game.agents}
     ranges = {name: getattr(one, "range", None) for name, one in game.ctx.sensor.sensors.items()}
     edges = [*game.ctx.graph.graph.get_edges()]
-    return copy.deepcopy((seen(game), own, ranges, edges, game.settings()["on_error"], game.facts, game.ctx.note))
+    settings = game.on_error, game.conflicts.allow_swaps
+    return copy.deepcopy((seen(game), own, ranges, edges, settings, game.facts, game.ctx.note))
 
 
 @settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)

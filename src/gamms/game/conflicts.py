@@ -10,6 +10,7 @@ from functools import partial
 from inspect import signature
 from itertools import count, repeat
 from operator import attrgetter
+from types import FunctionType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -162,6 +163,11 @@ class Conflicts:
         self._given = {name: as_code(value) for name, value in given.items()}
         self.allow_swaps = as_flag(allow_swaps, "allow_swaps")
         self._per_team = among == "team"
+
+    @property
+    def has_state(self) -> bool:
+        """Whether it resolves contests by an object of the user's, which may change."""
+        return type(self._resolver) not in (FunctionType, Ranking)
 
     def __repr__(self) -> str:
         return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"

@@ -1,7 +1,7 @@
 """Operations on whole games: snapshots, forks, and the interface `ctx.game.internals` for engines and clients."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple, cast
@@ -10,6 +10,7 @@ from gamms.arguments import DescribedFunction, annotations_of
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
 from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
+from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import Collectors, warn_of_idle
@@ -222,11 +223,12 @@ class ForkSource:
         self.agents = self.snapshot.agents
         self.agents.states = [dict(state) for state in self.agents.states]
         self._team_memories = [state.get("team_memory") for state in self.agents.states]
+        self._settings: dict[str, Any] = self.snapshot.part("settings")
         self.held: dict[int, Any] = {}
         if only_plain:
             copies = {id(one): copied(one, ONLY_PLAIN) for one in self._team_memories}
             self._team_memories = [copies[id(one)] for one in self._team_memories]
-            self._note_functions()
+            self._note_functions(parts.ctx.sensor.sensors.values())
         self._context = parts.ctx.capture(self.agents, only_plain=only_plain)
         internals = self._game.internals
         self._scenario = internals.scenario
@@ -289,7 +291,7 @@ class ForkSource:
             if value is not None and not FIELDS[name].is_own:
                 state.put(name, copy_of(value, memo))
         state.copy_logs(self.snapshot.part("logs"))
-        plans = self.snapshot.part("settings")["plans"].items()
+        plans = self._settings["plans"].items()
         self.copy_means(target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
         target.collectors.take_copies(self.snapshot.part("collectors"), lambda fn: own(fn, memo))
         self._renew_states(target)
@@ -304,7 +306,7 @@ class ForkSource:
             if getattr(sensor, "function", None) is not None:
                 sensor.function = own(sensor.function, memo)
         defaults = target.settings.settings()
-        settings = {**self.snapshot.part("settings"), **others}
+        settings = {**self._settings, **others}
         given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
         target.settings.configure(given)
         known: RuleTable = self.snapshot.part("rules")
@@ -327,13 +329,18 @@ class ForkSource:
         if states:
             target.turns.phase.leave_unread(partial(_renew_streams, target, states))
 
-    def _note_functions(self) -> None:
-        """Note what the functions of the game hold; see `own`."""
-        settings = self.snapshot.part("settings")
+    def _note_functions(self, sensors: Iterable[Any]) -> None:
+        """Note what the functions of the game hold, those of its sensors, too; see `own`."""
+        settings = self._settings
+        conflicts = settings["conflicts"]
+        if type(conflicts) is Conflicts and not conflicts.has_state:
+            self._settings = {**settings, "conflicts": copy(conflicts)}
+            conflicts = None
         functions = [*self.agents.strategies, *(plan.function for plan in settings["plans"].values())]
+        functions += [function for sensor in sensors if (function := getattr(sensor, "function", None)) is not None]
         functions += [one.rule for one in self.snapshot.part("rules").rules]
         functions += [one.fn for one, _ in self.snapshot.part("collectors").values()]
-        for function in (*functions, settings["conflicts"], settings["default_action"]):
+        for function in (*functions, conflicts, settings["default_action"]):
             if type(function) not in (_FUNCTIONS | _SCALARS):
                 raise NotPlain  # an object, which is copied
             _note_held(function, self.held)

@@ -322,7 +322,7 @@ class SensorStorage(Guarded):
             only_plain: whether later changes of the sensors leave the result as it is.
 
         Raises:
-            NotPlain: a sensor has other attributes than plain values, or is of a class of the user's.
+            NotPlain: a sensor has other attributes than plain values, draws, or is of a class of the user's.
         """
         return {name: (one, _attributes_of(one, only_plain=only_plain)) for name, one in self._engine._sensors.items()}
 
@@ -438,7 +438,9 @@ def _attributes_of(sensor: ISensor, *, only_plain: bool) -> Any:
         raise NotPlain
     others, slots = attributes
     slots["_last"] = sensor._last.copy()
-    return others and copied(others, ONLY_PLAIN), slots
+    function = {"_function": sensor.function} if isinstance(sensor, FunctionSensor) else {}
+    plain = {name: value for name, value in (others or {}).items() if name not in function}
+    return copied(plain, ONLY_PLAIN) | function, slots
 
 
 def _copy_of(sensor: ISensor, attributes: object, memo: dict[int, Any]) -> ISensor:
