@@ -28,6 +28,7 @@ from gamms.graph.networkx_bridge import Grid
 from gamms.ir import packing
 from gamms.ir.tables import table_of
 from gamms.limits import MemoryBudget, allowing
+from gamms.solve import pursuit
 from gamms.strategies import random_walk
 
 Call = Callable[[], object]
@@ -174,6 +175,11 @@ def table(rows: int) -> Call:
     return lambda: table_of(given)
 
 
+def chased(size: int) -> Call:
+    streets = gamms.graph.grid(size, size)
+    return lambda: pursuit(streets, pursuers=2)
+
+
 BY_METRES = {"game": {"speed_unit": "metres"}}
 CASES: dict[str, tuple[Callable[[int], Call], tuple[int, int]]] = {
     "a grid of networkx": (attached_grid, (15, 40)),
@@ -186,6 +192,7 @@ CASES: dict[str, tuple[Callable[[int], Call], tuple[int, int]]] = {
     "a GPX file": (gpx, (2_000, 8_000)),
     "a sample": (sample, (500, 2_000)),
     "a table with gaps": (table, (500, 2_000)),
+    "a pursuit": (chased, (12, 20)),
 }
 
 

@@ -8,7 +8,9 @@ import logging
 import sys
 from random import Random
 
+from gamms.graph import grid
 from gamms.scenario import Scenario
+from gamms.solve import pursuit
 
 RADIOS = [
     {"range_m": 15.0, "loss": [[0, 0.1], [15, 0.7]]},
@@ -79,10 +81,15 @@ def results_of(number):
     return json.dumps([told, observed], default=str, sort_keys=True)
 
 
+def pursuit_of(first):
+    """Return how all positions of a pursuit end."""
+    return pursuit(grid(3, 4), pursuers=2, exits=[0, 7], moves_first=first).outcomes.codes.tolist()
+
+
 def all_results():
     """Return those of all games."""
     logging.getLogger("gamms").setLevel(logging.ERROR)
-    return [results_of(number) for number in range(40)]
+    return [results_of(number) for number in range(40)] + [pursuit_of(first) for first in ("pursuers", "evader")]
 
 
 if __name__ == "__main__":

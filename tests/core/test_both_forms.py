@@ -157,6 +157,7 @@ PLAYED = {
         "messages",
         "moves",
         "observe",
+        "pursuit",
         "routes",
         "rules",
         "sight",

@@ -158,6 +158,8 @@ GRAPHS = {
     "grid": nx.convert_node_labels_to_integers(nx.grid_2d_graph(3, 3)),
     "star": nx.star_graph(4),
     **{f"random {seed}": nx.gnm_random_graph(6, 11, seed=seed) for seed in (1, 4, 6)},
+    "one way": nx.DiGraph([(0, 1), (1, 2), (2, 3), (3, 0), (1, 0), (3, 1)]),
+    "parts": nx.Graph([(0, 1), (1, 2), (3, 4)]),
     "fan": nx.Graph([(0, i) for i in range(1, 5)] + [(1, 2), (2, 3), (3, 4)]),
 }
 

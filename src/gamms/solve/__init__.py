@@ -6,16 +6,27 @@
 
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
 `stages.py` iterates values over them, `solution.py` wraps both for users, and `information.py` computes what sensors
-show in each state. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel,
-and `mixtures.py` matrix games of strategies and the double oracle.
+show in each state. `pursuit.py` solves pursuits in turns with full sight, on much larger maps. `responses.py` has
+`solve` and best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel, and `mixtures.py` matrix
+games of strategies and the double oracle.
 A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
 responses, add it to `responses.py`.
 """
 
 from gamms.errors import suggest_names as _suggest_names
 from gamms.solve.mixtures import DoubleOracle, MatrixGame, double_oracle, matrix_game
-from gamms.solve.responses import Evaluation, Response, best_response, evaluate, exploitability, nash_conv, openspiel
-from gamms.solve.solution import Choice, Solution, SolvedStrategy, solve
+from gamms.solve.pursuit import PursuitSolution, PursuitStrategy, cop_number, pursuit
+from gamms.solve.responses import (
+    Evaluation,
+    Response,
+    best_response,
+    evaluate,
+    exploitability,
+    nash_conv,
+    openspiel,
+    solve,
+)
+from gamms.solve.solution import Choice, Solution, SolvedStrategy, TableSolution
 from gamms.solve.table import Transition
 
 __all__ = [
@@ -23,17 +34,22 @@ __all__ = [
     "DoubleOracle",
     "Evaluation",
     "MatrixGame",
+    "PursuitSolution",
+    "PursuitStrategy",
     "Response",
     "Solution",
     "SolvedStrategy",
+    "TableSolution",
     "Transition",
     "best_response",
+    "cop_number",
     "double_oracle",
     "evaluate",
     "exploitability",
     "matrix_game",
     "nash_conv",
     "openspiel",
+    "pursuit",
     "solve",
 ]
 

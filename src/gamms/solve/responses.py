@@ -1,4 +1,4 @@
-"""Best responses to strategies of any kind, the gains from them, and games for OpenSpiel."""
+"""Solve scenarios: values, best responses to strategies of any kind, the gains from them, and games for OpenSpiel."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,11 +14,13 @@ from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
 from gamms.scenario import Scenario
+from gamms.solve.pursuit import recognized
 from gamms.solve.solution import (
     MAX_STATES,
     Reward,
     Solution,
     SolvedStrategy,
+    TableSolution,
     checked_discount,
     looks_at_winners,
     rewards_of,
@@ -63,7 +65,7 @@ class Response:
     value: float
     interval: tuple[float, float]
     strategy: Any  # a strategy, or a function of a context that makes one
-    solution: Solution | None = None
+    solution: TableSolution | None = None
 
     @property
     def information(self) -> str:
@@ -74,6 +76,51 @@ class Response:
     def bound(self) -> Bound:
         """How `value` bounds the value of the best response under the agents' own observations; see `Solution`."""
         return "lower" if self.solution is None else self.solution.bound
+
+
+@names_keywords
+def solve(
+    scenario: Scenario,
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    discount: float = 1.0,
+    seed: int | None = None,
+    max_states: int = MAX_STATES,
+) -> Solution:
+    """Return the values of a small game of two teams, and optimal strategies, by value iteration.
+
+    Every turn is played by the scenario's own rules, from every state that the game can reach. A game with a last turn
+    is solved backward from it; other games are iterated until their values converge. Teams that move simultaneously
+    play a matrix game in each state; a team that moves second sees the other's action. A pursuit in turns with full
+    sight is recognized, and solved as by `pursuit`. See docs/solve.md.
+
+    Args:
+        scenario: a scenario of two teams.
+        team: the team whose values are returned; None: the first one.
+        reward: its reward for a turn, which the other one pays. "score": the change of its score less that of the other
+            team's; "win": 1 if it wins, -1 if the other one wins; "turns": -1, so that it wants a short game; or a
+            function of a `Transition` that returns a number.
+        turns: the number of turns after which the game is cut; None: as in the scenario.
+        discount: the weight of a reward one turn later, above 0 and up to 1.
+        seed: the seed of the start; None: that of the scenario, or 0.
+        max_states: the most states; a pursuit that is recognized is limited by memory alone.
+
+    Raises:
+        BadType, BadValue: an argument is impossible, or the game has an unsupported feature, such as random draws.
+        UnknownName (KeyError): the team does not exist.
+        TooLarge: the game has too many states; the message tells how many, and what would fit.
+    """
+    teams = teams_of(scenario, team)
+    if len(teams) != 2:
+        raise BadValue(
+            f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
+            "Give strategies to all teams but one, and use best_response."
+        )
+    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
+    share = checked_discount(reward, discount)
+    return recognized(setup, reward, share) or solved(setup, reward, share, teams[0])
 
 
 def best_response(
@@ -324,12 +371,12 @@ def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
     return {} if against is None else dict.fromkeys(teams, against)
 
 
-def _exact_response(setup: GameSetup, reward: Reward, of: str) -> Solution:
+def _exact_response(setup: GameSetup, reward: Reward, of: str) -> TableSolution:
     """Return the exact best response of the deciding team; `of` is the team that gets the reward."""
     known: Any = next(iter(setup.others.values())) if len(setup.others) == 1 else None
     is_other = isinstance(known, SolvedStrategy) and known.team not in setup.teams
     if is_other and known.is_of(setup.scenario, setup.last_turn):
-        return cast("Solution", known.best_response_of_other(reward, of))
+        return cast("TableSolution", known.best_response_of_other(reward, of))
     return solved(setup, reward, 1.0, of)
 
 

@@ -1,4 +1,4 @@
-"""`solve` and its result: the value of a game and optimal strategies."""
+"""Solutions: the values of a game and optimal strategies, as a table over all states that its rules can reach."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping, names_keywords
+from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
@@ -164,7 +164,7 @@ class SolvedStrategy(TableStrategy):
         setup = self._stages.table.setup
         return len(setup.teams) == 2 and (setup.scenario, setup.last_turn) == (scenario, last_turn)
 
-    def best_response_of_other(self, reward: Reward, of: str) -> "Solution":
+    def best_response_of_other(self, reward: Reward, of: str) -> "TableSolution":
         """Return the best response of the other team, in the game that this strategy is from.
 
         Args:
@@ -189,7 +189,7 @@ class SolvedStrategy(TableStrategy):
             )
         rewards = rewards_of(table, reward, stages.rewards.discount, of)
         answers = BestResponseValues(table, rewards, stages.tolerance, stages, side)
-        return Solution(table, answers, table.setup.teams[side], reward)
+        return TableSolution(table, answers, table.setup.teams[side], reward)
 
 
 def shares_of(stages: ValueIteration, number: int, left: int, side: int) -> FloatArray:
@@ -202,12 +202,12 @@ def shares_of(stages: ValueIteration, number: int, left: int, side: int) -> Floa
     return shares
 
 
-class Solution:
-    """The values of all states of a game, and optimal strategies; made by `solve` and `best_response`.
+class Solution(ABC):
+    """The values of a game of two teams under exact play, and optimal strategies; made by `solve` and `pursuit`.
 
     Attributes:
-        table: the states and transitions.
-        team: the team whose values these are; in a game of two teams the other one gets the negated values.
+        teams: the teams that decide.
+        team: the team whose values these are; the other one gets the negated values.
         value: the value of the start.
         information: "full": each team knows all positions, and its agents decide together.
         error: the largest numerical error of `value`, compared with the game under full information; inf: unknown, as
@@ -215,51 +215,39 @@ class Solution:
     """
 
     information = "full"
+    teams: tuple[str, ...]
+    team: str
+    value: float
+    error: float
 
-    def __init__(self, table: Table, stages: ValueIteration, team: str, reward: Reward) -> None:
-        self.table = table
-        self._stages = stages
-        self.team = team
-        self._reward = reward
-        self._side = table.setup.teams.index(team)
-        self._sign = 1.0 if self._side == 0 else -1.0
-        self.error = stages.error
-        self.value = self._sign * float(stages.values[-1][0]) + 0.0
+    @property
+    @abstractmethod
+    def table(self) -> Table:
+        """The states and transitions of the game."""
 
-    def __repr__(self) -> str:
-        return f"Solution(value={self.value:.6g}, team={self.team!r}, {len(self.table)} states)"
-
-    @cached_property
-    def sees(self) -> dict[str, str]:
+    @property
+    @abstractmethod
+    def sees(self) -> Mapping[str, str]:
         """How completely the sensors of each deciding team show the agents, in all states.
 
         "full": each agent can tell all positions; "team": only its agents together can; "agent": not even together.
         """
-        return sensor_information(self.table)
 
-    @cached_property
+    @property
+    @abstractmethod
     def bound(self) -> Bound:
         """How `value` bounds the value of the game in which agents know only their observations.
 
         "exact": equal; "upper": an upper bound, because the team itself does not see everything; "lower": a lower
         bound, because the other team does not; "none": neither is certain.
         """
-        numeric = self._stages.side
-        blind = [team for team, seen in self.sees.items() if seen != "full"]
-        sides: set[Bound] = {"upper" if team == self.team else "lower" for team in blind}
-        if numeric != "exact":
-            sides.add(numeric if self._side == 0 else _OPPOSITE[numeric])
-        if len(sides) == 1:
-            return sides.pop()
-        return "none" if sides else "exact"
 
     @property
     def is_exact(self) -> bool:
         """Whether `value` is the value of the game, up to `error`."""
         return self.bound == "exact"
 
-    # -- values -------------------------------------------------------------------------------------------------
-
+    @abstractmethod
     def value_at(self, places: Mapping[str, int | None], turn: int = 0) -> float:
         """Return the value of a state for the team.
 
@@ -272,9 +260,8 @@ class Solution:
             BadValue: the game does not reach the state, or not so early that its remaining turns were computed; or
                 rules remember more than positions.
         """
-        played = as_count(turn, "turn", 0)
-        return self._value_of(self._number(places, played), played)
 
+    @abstractmethod
     def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
         """Return the values by the position of an agent: node -> value, for all nodes that `value_at` supports.
 
@@ -286,15 +273,8 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
-        played = as_count(turn, "turn", 0)
-        nodes = self.table.nodes[:, self._agent(agent)]
-        found = {}
-        for node in np.unique(nodes).tolist():
-            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
-            if len(numbers) == 1:
-                found[node] = self._value_of(numbers[0], played)
-        return found
 
+    @abstractmethod
     def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
         """Return the joint actions of a team in a state with their probabilities, the largest first.
 
@@ -308,6 +288,101 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
+
+    @abstractmethod
+    def strategy(self, team: str | None = None) -> Callable[[Context], Strategy]:
+        """Return the strategy of a team, for `scenario.play(strategies={team: …})`.
+
+        Args:
+            team: one of the two teams; None: the team whose values these are.
+
+        Raises:
+            UnknownName (KeyError): the game was not solved for this team.
+        """
+
+    @abstractmethod
+    def nash_conv(self, strategies: Mapping[str, Any] | None = None) -> float:
+        """Return the gain of both teams together from best responses, as in OpenSpiel; 0 in equilibrium.
+
+        Args:
+            strategies: strategies of one or both teams, from solutions of the same scenario; others default to those of
+                this solution. For any other strategies see `gamms.solve.nash_conv`.
+
+        Raises:
+            BadValue: a strategy counts down turns in a game without a last turn.
+        """
+
+    def exploitability(self, strategies: Mapping[str, Any] | None = None) -> float:
+        """Return `nash_conv` divided by the number of teams."""
+        return self.nash_conv(strategies) / len(self.teams)
+
+
+class TableSolution(Solution):
+    """The values of all states of a game, and optimal strategies; made by `solve` and `best_response`.
+
+    Args:
+        table: the states and transitions.
+        stages: the values of the first deciding team.
+        team: the team whose values these are.
+        reward: its reward.
+    """
+
+    def __init__(self, table: Table, stages: ValueIteration, team: str, reward: Reward) -> None:
+        self._table = table
+        self.teams = table.setup.teams
+        self._stages = stages
+        self.team = team
+        self._reward = reward
+        self._side = table.setup.teams.index(team)
+        self._sign = 1.0 if self._side == 0 else -1.0
+        self.error = stages.error
+        self.value = self._sign * float(stages.values[-1][0]) + 0.0
+
+    def __repr__(self) -> str:
+        return f"Solution(value={self.value:.6g}, team={self.team!r}, {len(self.table)} states)"
+
+    @property
+    def table(self) -> Table:
+        """The states and transitions of the game."""
+        return self._table
+
+    @cached_property
+    def sees(self) -> dict[str, str]:
+        """Read the sensors of the agents in all states; see `Solution`."""
+        return sensor_information(self.table)
+
+    @cached_property
+    def bound(self) -> Bound:
+        """Return the relation that follows from the sensors and the error of the values; see `Solution`."""
+        numeric = self._stages.side
+        blind = [team for team, seen in self.sees.items() if seen != "full"]
+        sides: set[Bound] = {"upper" if team == self.team else "lower" for team in blind}
+        if numeric != "exact":
+            sides.add(numeric if self._side == 0 else _OPPOSITE[numeric])
+        if len(sides) == 1:
+            return sides.pop()
+        return "none" if sides else "exact"
+
+    # -- values -------------------------------------------------------------------------------------------------
+
+    def value_at(self, places: Mapping[str, int | None], turn: int = 0) -> float:
+        """Return the value of a state for the team; see `Solution.value_at`."""
+        played = as_count(turn, "turn", 0)
+        return self._value_of(self._number(places, played), played)
+
+    def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
+        """Return the values by the position of an agent; see `Solution.values`."""
+        played = as_count(turn, "turn", 0)
+        nodes = self.table.nodes[:, self._agent(agent)]
+        found = {}
+        for node in np.unique(nodes).tolist():
+            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
+            if len(numbers) == 1:
+                found[node] = self._value_of(numbers[0], played)
+        return found
+
+    def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
+        """Return the joint actions of a team in a state with their probabilities; see `Solution.policy`."""
         side = self._side_of(team)
         number = self._number(places or {}, as_count(turn, "turn", 0))
         own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
@@ -355,26 +430,11 @@ class Solution:
     # -- play ---------------------------------------------------------------------------------------------------
 
     def strategy(self, team: str | None = None) -> SolvedStrategy:
-        """Return the strategy of a team, for `scenario.play(strategies={team: …})`.
-
-        Args:
-            team: one of the two teams; None: the team whose values these are.
-
-        Raises:
-            UnknownName (KeyError): the game was not solved for this team.
-        """
+        """Return the strategy of a team; see `Solution.strategy`."""
         return SolvedStrategy(self._stages, self._side if team is None else self._side_of(team))
 
     def nash_conv(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
-        """Return the gain of both teams together from best responses, as in OpenSpiel; 0 in equilibrium.
-
-        Args:
-            strategies: strategies of one or both teams, from solutions of the same scenario; others default to those of
-                this solution. For any other strategies see `gamms.solve.nash_conv`.
-
-        Raises:
-            BadValue: a strategy counts down turns in a game without a last turn.
-        """
+        """Return the gain of both teams together from best responses; see `Solution.nash_conv`."""
         teams = self.table.setup.teams
         given: dict[str, SolvedStrategy] = {team: self.strategy(team) for team in teams}
         given |= as_mapping(strategies or {}, "strategies")
@@ -387,63 +447,16 @@ class Solution:
         # The current rewards of the teams add up to 0.
         return sum(given[team].best_response_of_other(self._reward, self.team).value for team in teams)
 
-    def exploitability(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
-        """Return `nash_conv` divided by the number of teams."""
-        return self.nash_conv(strategies) / len(self.table.setup.teams)
-
 
 _OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "none"}
 
 
-@names_keywords
-def solve(
-    scenario: Scenario,
-    *,
-    team: str | None = None,
-    reward: Reward = "score",
-    turns: int | None = None,
-    discount: float = 1.0,
-    seed: int | None = None,
-    max_states: int = MAX_STATES,
-) -> Solution:
-    """Return the values of a small game of two teams, and optimal strategies, by value iteration.
-
-    Every turn is played by the scenario's own rules, from every state that the game can reach. A game with a last turn
-    is solved backward from it; other games are iterated until their values converge. Teams that move simultaneously
-    play a matrix game in each state; a team that moves second sees the other's action. See docs/solve.md.
-
-    Args:
-        scenario: a scenario of two teams.
-        team: the team whose values are returned; None: the first one.
-        reward: its reward for a turn, which the other one pays. "score": the change of its score less that of the other
-            team's; "win": 1 if it wins, -1 if the other one wins; "turns": -1, so that it wants a short game; or a
-            function of a `Transition` that returns a number.
-        turns: the number of turns after which the game is cut; None: as in the scenario.
-        discount: the weight of a reward one turn later, above 0 and up to 1.
-        seed: the seed of the start; None: that of the scenario, or 0.
-        max_states: the most states.
-
-    Raises:
-        BadType, BadValue: an argument is impossible, or the game has an unsupported feature, such as random draws.
-        UnknownName (KeyError): the team does not exist.
-        TooLarge: the game has too many states; the message tells how many, and what would fit.
-    """
-    teams = teams_of(scenario, team)
-    if len(teams) != 2:
-        raise BadValue(
-            f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
-            "Give strategies to all teams but one, and use best_response."
-        )
-    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
-    return solved(setup, reward, discount, teams[0])
-
-
-def solved(setup: GameSetup, reward: Reward, discount: float, of: str) -> Solution:
+def solved(setup: GameSetup, reward: Reward, discount: float, of: str) -> TableSolution:
     """Return the solution of a game with one or two deciding teams; `of` is the team that gets the reward."""
     share = checked_discount(reward, discount)
     table = explore(setup, by_winner=looks_at_winners(reward))
     stages = ValueIteration(table, rewards_of(table, reward, share, of), TOLERANCE)
-    return Solution(table, stages, setup.teams[0], reward)
+    return TableSolution(table, stages, setup.teams[0], reward)
 
 
 def checked_discount(reward: Reward, discount: float) -> float:

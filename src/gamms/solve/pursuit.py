@@ -1,0 +1,789 @@
+"""Pursuit in turns with full sight: exact play on large maps, as a table over the places of all agents.
+
+Pursuers are interchangeable, so a position is a *formation* (a multiset of nodes), the node of the evader, and the side
+to move. `PursuitTable` has an outcome for each, which `gamms.core.pursuit` finds backward from captures and escapes.
+`pursuit` makes it for a graph, `recognized` for a scenario with these rules, which `solve` then need not explore.
+"""
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from functools import cached_property, partial
+from itertools import product
+from math import comb, inf
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_choice, as_count, as_known, as_mapping, names_keywords
+from gamms.context import Context
+from gamms.core import pursuit as core
+from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.game import Game
+from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
+from gamms.game.settings import NamedRule
+from gamms.ir.graph import FloatArray, IntArray, labels
+from gamms.limits import refuse_above
+from gamms.rules.in_core import FORMS
+from gamms.solve.solution import Choice, Reward, Solution, solved
+from gamms.solve.stages import Bound
+from gamms.solve.table import Table, explore
+from gamms.solve.worlds import GameSetup, TurnTerms
+from gamms.strategies import stay
+from gamms.text import shown
+from gamms.typing import SensorType
+from gamms.typing.game import State, Strategy
+
+PURSUERS, EVADER = core.SIDES
+CAUGHT, ESCAPED = core.ENDS
+ROLES = ("pursuers", "evader")
+_MOST_POSITIONS = 1 << 31  # numbers of positions are 32-bit integers
+_CHUNK = 1 << 20  # moves of formations that are listed at once
+
+Node = Hashable  # an id, or a label of a networkx graph
+
+
+class Roads(NamedTuple):
+    """A graph for pursuit.
+
+    Attributes:
+        labels: (nodes,) the ids or labels of the nodes.
+        offsets: (nodes + 1,) where the moves from each node begin in `ends`.
+        ends: (moves,) rows of nodes, ascending from each node; staying is a move, too.
+    """
+
+    labels: list[Any]
+    offsets: IntArray
+    ends: IntArray
+
+
+def roads_of(graph: object) -> Roads:
+    """Return the roads of a networkx graph or of `ctx.graph`.
+
+    Raises:
+        BadType: it is neither.
+        BadValue: it has no nodes.
+    """
+    columns: Any = getattr(graph, "columns", None)
+    edges: Any = getattr(graph, "edges", None)
+    if callable(columns):
+        now = columns()
+        names = now.node_ids.tolist()
+        sources, targets = now.sources, now.targets
+    elif callable(edges) and hasattr(graph, "is_directed"):
+        known: Any = graph
+        names = list(known)
+        row_of = {name: row for row, name in enumerate(names)}
+        ends = np.array([(row_of[source], row_of[target]) for source, target in edges()], np.int64).reshape(-1, 2)
+        both = ends if known.is_directed() else np.concatenate((ends, ends[:, ::-1]))
+        sources, targets = both[:, 0], both[:, 1]
+    else:
+        raise BadType(f"A pursuit needs a networkx graph or ctx.graph, not {shown(graph)}.")
+    if not names:
+        raise BadValue("The graph has no nodes: a pursuit needs one at least.")
+    own = np.arange(len(names))
+    keys = np.unique(np.concatenate((sources * len(names) + targets, own * len(names) + own)))
+    begins, finishes = np.divmod(keys, len(names))
+    offsets, _ = kernels.group_rows(begins, len(names))
+    return Roads(names, offsets, finishes)
+
+
+class PursuitTable:
+    """How each position ends under exact play, and after how many moves.
+
+    A turn is a move of both sides. The evader is caught as soon as it shares a node with a pursuer. It escapes if it is
+    on an exit at the end of a turn, and not caught.
+
+    Args:
+        roads: the graph.
+        pursuers: the number of pursuers.
+        exits: rows of nodes.
+        first: the side that moves first in a turn.
+
+    Attributes:
+        codes: (2, formations, nodes) by side to move; see `core.pursuit.Positions`.
+
+    Raises:
+        TooLarge: the positions would take too much memory.
+    """
+
+    def __init__(self, roads: Roads, pursuers: int, exits: Sequence[int], first: int) -> None:
+        self.roads = roads
+        self.pursuers = pursuers
+        self.first = first
+        self.exits = np.zeros(len(roads.labels), np.bool_)
+        self.exits[[*exits]] = True
+        self._row_of = {label: row for row, label in enumerate(roads.labels)}
+        self._refuse_large()
+        formations = _formations(len(roads.labels), pursuers)
+        self.codes = self._find(formations)
+
+    def __len__(self) -> int:
+        return self.codes.size
+
+    def _refuse_large(self) -> None:
+        nodes = len(self.roads.labels)
+        positions = 2 * comb(nodes + self.pursuers - 1, self.pursuers) * nodes
+        moves = [1, *[0] * self.pursuers]  # of all formations with so many pursuers on the nodes so far
+        for degree in np.diff(self.roads.offsets).tolist():
+            for number in range(1, self.pursuers + 1):
+                moves[number] += degree * moves[number - 1]
+        most = min(moves[-1], (positions // nodes) ** 2)
+        what = f"A pursuit of {self.pursuers} pursuers on {nodes:,} nodes, {positions:,} positions,"
+        refuse_above(10.0 * positions + 48.0 * most, what)
+        if positions >= _MOST_POSITIONS:
+            raise TooLarge(
+                f"{what} is too large: {_MOST_POSITIONS:,} are allowed. Take fewer pursuers or a smaller map."
+            )
+
+    def _find(self, formations: IntArray) -> "np.ndarray[Any, np.dtype[np.int32]]":
+        nodes = len(self.roads.labels)
+        shape = (2, len(formations), nodes)
+        codes = np.zeros(shape, np.int32)
+        codes[self.first][:, self.exits] = ESCAPED
+        codes[:, np.arange(len(formations))[:, None], formations] = CAUGHT
+        begins = np.repeat(np.arange(nodes), np.diff(self.roads.offsets))
+        positions = core.Positions(
+            _moves(*self._team_moves(formations), len(formations)),
+            _moves(begins, self.roads.ends, nodes),
+            codes.reshape(-1).data,
+            np.zeros(codes.size, np.int32).data,
+            np.zeros(codes.size // 2, np.int32).data,
+        )
+        core.find_forced(positions, CAUGHT)
+        if self.exits.any():
+            core.find_forced(positions, ESCAPED)
+        return codes
+
+    def _team_moves(self, formations: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the formations before and after each joint move, each pair once."""
+        offsets, ends = self.roads.offsets, self.roads.ends
+        counts = np.diff(offsets)[formations].prod(axis=1)
+        parts = np.cumsum(counts) // _CHUNK
+        keys = []
+        for chunk in np.split(np.arange(len(formations)), np.flatnonzero(np.diff(parts)) + 1):
+            before = chunk
+            after = np.zeros((len(chunk), 0), np.int64)
+            for pursuer in range(self.pursuers):
+                places = formations[before, pursuer]
+                rows, moves = kernels.expand_ranges(offsets[places], offsets[places + 1])
+                before = before[rows]
+                after = np.column_stack((after[rows], ends[moves]))
+            keys.append(np.unique(before * len(formations) + _numbers(np.sort(after, axis=1))))
+        return np.divmod(np.concatenate(keys), len(formations))
+
+    # -- single positions ---------------------------------------------------------------------------------------
+
+    def row(self, node: Node) -> int:
+        """Return the row of a node.
+
+        Raises:
+            UnknownName (KeyError): it is not on the map.
+        """
+        try:
+            return self._row_of[node]
+        except (KeyError, TypeError):
+            raise UnknownName("node", node, self._row_of) from None
+
+    def code(self, places: Sequence[int], place: int) -> int:
+        """Return the code of a position at the start of a turn.
+
+        Args:
+            places: the rows of the pursuers.
+            place: the row of the evader.
+        """
+        if self.exits[place] and place not in places:  # nothing has ended: a game begins here
+            last = self._codes_after(self.first, self.options(self.first, places, place))
+            wanted = max(last, key=_worth) if self.first == PURSUERS else min(last, key=_worth)
+            return wanted + (CAUGHT if wanted > 0 else ESCAPED if wanted < 0 else 0)
+        return self._code(self.first, places, place)
+
+    def _code(self, side: int, places: Iterable[int], place: int) -> int:
+        number = 0
+        for pursuer, row in enumerate(sorted(places)):
+            number += comb(row + pursuer, pursuer + 1)
+        return int(self.codes[side, number, place])
+
+    def options(self, side: int, places: Sequence[int], place: int) -> list[tuple[tuple[int, ...], int]]:
+        """Return the positions to which a side can move, as rows of the pursuers and of the evader."""
+        if side == EVADER:
+            return [(tuple(places), end) for end in self._ends(place)]
+        return [(ends, place) for ends in product(*map(self._ends, places))]
+
+    def _ends(self, place: int) -> list[int]:
+        """Return the rows to which an agent can move, its own first."""
+        ends = self.roads.ends[self.roads.offsets[place] : self.roads.offsets[place + 1]].tolist()
+        return sorted(ends, key=lambda end: end != place)
+
+    def _codes_after(self, side: int, options: Iterable[tuple[tuple[int, ...], int]]) -> list[int]:
+        return [self._code(1 - side, *option) for option in options]
+
+    def best(self, side: int, places: Sequence[int], place: int) -> tuple[tuple[int, ...], int]:
+        """Return the position to which a side moves under exact play.
+
+        Pursuers catch the evader as soon as possible, or delay its escape; the evader does the opposite. Among equal
+        moves, pursuers take one with the smallest sum of distances to the evader, and the evader one with the largest.
+        Further ties go to staying, then to the order of the nodes.
+        """
+        options = self.options(side, places, place)
+        codes = self._codes_after(side, options)
+        sign = 1 if side == PURSUERS else -1
+        worth = [sign * _worth(code) for code in codes]
+        best = max(worth)
+        equal = [option for option, one in zip(options, worth, strict=True) if one == best]
+        return min(equal, key=lambda option: sign * float(self._far[[*option[0]], option[1]].sum()))
+
+    @cached_property
+    def _far(self) -> FloatArray:
+        """(nodes, nodes) the number of edges from each node to each other; without a path the number of nodes."""
+        nodes = len(self.roads.labels)
+        begins = np.repeat(np.arange(nodes), np.diff(self.roads.offsets))
+        offsets, order = kernels.group_rows(self.roads.ends, nodes)
+        into = begins[order]
+        far = np.full((nodes, nodes), float(nodes))
+        reached = np.eye(nodes, dtype=np.bool_)
+        steps = 0
+        while True:
+            new = reached & (far == nodes)
+            if not new.any():
+                return far
+            far[new] = steps
+            steps += 1
+            reached = np.logical_or.reduceat(reached[:, into], offsets[:-1], axis=1)
+
+
+def _worth(code: int) -> float:
+    """Return a number that orders codes as pursuers do: early captures, late ones, neither, late and early escapes."""
+    return 1.0 / code if code else 0.0
+
+
+def _turns(code: int) -> int:
+    """Return the number of turns after which a position ends that is at the start of a turn."""
+    return abs(code) // 2
+
+
+def _moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
+    """Group moves by the place where they end."""
+    offsets, order = kernels.group_rows(ends, places)
+    counts = np.bincount(begins, minlength=places)
+    return core.Moves(offsets.data, kernels.buffer(begins[order]), counts.data)
+
+
+def _formations(nodes: int, pursuers: int) -> IntArray:
+    """Return all multisets of rows of nodes, (formations, pursuers), each ascending, ordered by `_numbers`."""
+    found = np.zeros((1, 0), np.int64)
+    for number in range(pursuers):
+        counts = np.array([comb(row + number, number) for row in range(nodes)], np.int64)
+        last = np.repeat(np.arange(nodes), counts)
+        smaller = np.arange(len(last)) - np.repeat(np.cumsum(counts) - counts, counts)
+        found = np.column_stack((found[smaller], last))
+    return found
+
+
+def _numbers(formations: IntArray) -> IntArray:
+    """Return the numbers of formations, (rows, pursuers), each ascending: as combinatorial ranks."""
+    numbers = np.zeros(len(formations), np.int64)
+    for pursuer, rows in enumerate(formations.T):
+        most = int(rows.max(initial=0)) + 1
+        ranks = np.array([comb(row + pursuer, pursuer + 1) for row in range(most)], np.int64)
+        numbers += ranks[rows]
+    return numbers
+
+
+class PursuitTerms(NamedTuple):
+    """The teams, rewards and length of a pursuit.
+
+    Attributes:
+        teams: the teams of the pursuers and of the evader.
+        pursuers: the names of the pursuers.
+        evader: the name of the evader.
+        gains: what the pursuers gain by a capture, and lose by an escape.
+        discount: the weight of a reward one turn later.
+        last_turn: the turn after which the game ends; None: there is none.
+    """
+
+    teams: tuple[str, str]
+    pursuers: tuple[str, ...]
+    evader: str
+    gains: tuple[float, float] = (1.0, 1.0)
+    discount: float = 1.0
+    last_turn: int | None = None
+
+
+class PursuitStrategy:
+    """The exact play of one side of a pursuit; made by `PursuitSolution.strategy`.
+
+    It reads the positions of all agents from the context, whatever their sensors show.
+
+    Args:
+        table: the outcomes.
+        side: the side that plays it.
+    """
+
+    def __init__(self, table: PursuitTable, side: int) -> None:
+        self._table = table
+        self._side = side
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({ROLES[self._side]!r}, pursuers={self._table.pursuers})"
+
+    def __call__(self, ctx: Context) -> Strategy:
+        """Return the strategy of an agent in a game.
+
+        Raises:
+            BadValue: the game has another map.
+        """
+        table = self._table
+        ids = self._ids_on(ctx)
+        row_of = {node: row for row, node in enumerate(ids)}
+
+        def strategy(state: State) -> None:
+            mine = [one for one in ctx.game.agents if one.team == state["team"]]
+            others = [one for one in ctx.game.agents if one.team != state["team"]]
+            if not others:
+                state["action"] = state["curr_pos"]
+                return
+            self._check(ctx, state["team"], len(mine), len(others))
+            pursuers, evaders = (mine, others) if self._side == PURSUERS else (others, mine)
+            pursuers.sort(key=lambda one: one.name)
+            places = [row_of[one.current_node_id] for one in pursuers]
+            ends, end = table.best(self._side, places, row_of[evaders[0].current_node_id])
+            number = next(number for number, one in enumerate(mine) if one.name == state["name"])
+            state["action"] = ids[ends[number] if self._side == PURSUERS else end]
+
+        return strategy
+
+    def _ids_on(self, ctx: Context) -> list[int]:
+        """Return the ids of the rows on the map of a game."""
+        roads = self._table.roads
+        columns = ctx.graph.columns()
+        id_of = labels(columns)
+        ids = [id_of.get(label, label) for label in roads.labels]
+        there = roads_of(ctx.graph)
+        row_of = {node: row for row, node in enumerate(ids)}
+        if {*row_of} == {*there.labels}:
+            rows = np.array([row_of[node] for node in there.labels])
+            begins = np.repeat(rows, np.diff(there.offsets))
+            keys = np.sort(begins * len(rows) + rows[there.ends])
+            own = np.repeat(np.arange(len(rows)), np.diff(roads.offsets)) * len(rows) + roads.ends
+            if np.array_equal(keys, own):
+                return ids
+        raise BadValue(
+            f"{self!r} was solved for another map, of {len(ids)} nodes; that of this game has {len(there.labels)}. "
+            "Solve the pursuit on ctx.graph of this game."
+        )
+
+    def _check(self, ctx: Context, team: Hashable, mine: int, others: int) -> None:
+        """Refuse a game with other agents or another order of play."""
+        table = self._table
+        pursuers, evaders = (mine, others) if self._side == PURSUERS else (others, mine)
+        if (pursuers, evaders) != (table.pursuers, 1):
+            raise BadValue(
+                f"{self!r} is for {table.pursuers} pursuers and 1 evader, and team {shown(team)} plays a game of "
+                f"{pursuers} and {evaders}: solve it with pursuers={pursuers}, for one evader."
+            )
+        order = ctx.game.settings()["order"]
+        is_first = bool(order) and len(order) == 2 and team in order[0]
+        is_last = bool(order) and len(order) == 2 and team in order[1]
+        if not (is_first if self._side == table.first else is_last):
+            raise BadValue(
+                f"{self!r} was solved with moves_first={ROLES[table.first]!r}, and ctx.game.order is {shown(order)}: "
+                "set two lists, of the team that moves first and of the other, or solve with another moves_first=."
+            )
+
+
+class PursuitSolution(Solution):
+    """The values of a pursuit in turns, and exact play; made by `pursuit`, and by `solve` if it recognizes the game.
+
+    Agents are named as in the scenario; on a graph alone "pursuer_0", "pursuer_1", … and "evader", and teams "pursuers"
+    and "evader". Then a game starts with the best formation of the pursuers, and the best answer of the evader to it,
+    which is no exit.
+
+    Args:
+        outcomes: how positions end.
+        terms: teams, rewards and length.
+        team: the team whose values these are.
+        start: agent -> its node.
+        setup: the game to solve; None: a graph alone.
+
+    Attributes:
+        outcomes: how positions end.
+        start: agent -> its node in the start.
+    """
+
+    error = 0.0
+
+    def __init__(
+        self,
+        outcomes: PursuitTable,
+        terms: PursuitTerms,
+        team: str,
+        start: Mapping[str, Any] | None = None,
+        setup: GameSetup | None = None,
+        reward: Reward = "win",
+    ) -> None:
+        self.outcomes = outcomes
+        self.team = team
+        self._terms = terms
+        self._setup = setup
+        self._reward = reward
+        self._sign = 1.0 if team == terms.teams[PURSUERS] else -1.0
+        self.teams = terms.teams if team == terms.teams[0] else terms.teams[::-1]
+        self.start: dict[str, Any] = dict(self._best_start() if start is None else start)
+        self.value = self.value_at({})
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(value={self.value:.6g}, team={self.team!r}, {len(self.outcomes)} positions)"
+
+    @property
+    def sees(self) -> dict[str, str]:
+        """The word "full" for both teams, because positions are known to all; see `Solution.sees`."""
+        return dict.fromkeys(self.teams, "full")
+
+    @property
+    def bound(self) -> Bound:
+        """The word "exact"; see `Solution.bound`."""
+        return "exact"
+
+    @cached_property
+    def table(self) -> Table:
+        """The states and transitions of the scenario, explored by its rules when this is first read.
+
+        Raises:
+            BadValue: the pursuit was solved on a graph, without a scenario.
+            TooLarge: see `solve`.
+        """
+        return explore(self._setup_of("table"), by_winner=True)
+
+    def _setup_of(self, name: str) -> GameSetup:
+        if self._setup is None:
+            raise BadValue(f"A pursuit on a graph has no {name}, because it has no rules: solve a scenario.")
+        return self._setup
+
+    # -- values -------------------------------------------------------------------------------------------------
+
+    def value_at(self, places: Mapping[str, Any], turn: int = 0) -> float:
+        """Return the value of a position at the start of a turn for the team; see `Solution.value_at`."""
+        played = as_count(turn, "turn", 0)
+        return self._value(self.outcomes.code(*self._rows(places)), played)
+
+    def values(self, agent: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> dict[Any, float]:
+        """Return the values by the position of an agent, for all nodes; see `Solution.values`."""
+        self._known(agent)
+        return {node: self.value_at({**(places or {}), agent: node}, turn) for node in self.outcomes.roads.labels}
+
+    def captures(self, start: Mapping[str, Any] | None = None) -> int | None:
+        """Return the number of turns in which the evader is caught under exact play; None: it is not caught.
+
+        It is 0 if the evader is on the node of a pursuer. A limit on turns does not count.
+
+        Args:
+            start: agent -> its node. Missing agents are at their starting nodes.
+
+        Raises:
+            UnknownName (KeyError): an agent or a node does not exist.
+        """
+        code = self.outcomes.code(*self._rows(start or {}))
+        return _turns(code) if code > 0 else None
+
+    def escapes(self, start: Mapping[str, Any] | None = None) -> int | None:
+        """Return the number of turns in which the evader is on an exit under exact play; None: it does not escape.
+
+        Args:
+            start: see `captures`.
+
+        Raises:
+            UnknownName (KeyError): see `captures`.
+        """
+        code = self.outcomes.code(*self._rows(start or {}))
+        return _turns(code) if code < 0 else None
+
+    def policy(self, team: str, places: Mapping[str, Any] | None = None, turn: int = 0) -> list[Choice]:
+        """Return the move of a team in a position; see `Solution.policy`."""
+        as_count(turn, "turn", 0)
+        side = self._side_of(team)
+        rows, row = self._rows(places or {})
+        if side != self.outcomes.first:
+            rows_now, row = self.outcomes.best(self.outcomes.first, rows, row)
+            rows = list(rows_now)
+        ends, end = self.outcomes.best(side, rows, row)
+        nodes = self.outcomes.roads.labels
+        if side == EVADER:
+            return [Choice(1.0, {self._terms.evader: nodes[end]})]
+        return [Choice(1.0, {name: nodes[to] for name, to in zip(self._terms.pursuers, ends, strict=True)})]
+
+    def strategy(self, team: str | None = None) -> PursuitStrategy:
+        """Return the exact play of a team, for any game on this map with these numbers of agents and order of play.
+
+            scenario.play(strategies={"cops": solution.strategy("pursuers")})
+
+        Args:
+            team: one of the two teams; None: the team whose values these are.
+
+        Raises:
+            UnknownName (KeyError): the team does not exist.
+        """
+        return PursuitStrategy(self.outcomes, self._side_of(self.team if team is None else team))
+
+    def nash_conv(self, strategies: Mapping[str, Any] | None = None) -> float:
+        """Return the gain of both teams together from best responses in the scenario; see `Solution.nash_conv`.
+
+        All turns are played by the rules of the scenario, which takes long on large maps.
+
+        Raises:
+            BadValue: the pursuit was solved on a graph, without a scenario.
+            TooLarge: see `solve`.
+        """
+        setup = self._setup_of("best responses")
+        teams = self._terms.teams
+        given = {team: self.strategy(team) for team in teams} | dict(as_mapping(strategies or {}, "strategies"))
+        games = [
+            (team, setup._replace(teams=(team,), others={other: given[other]})) for team, other in (teams, teams[::-1])
+        ]
+        found = [solved(game, self._reward, self._terms.discount, self.team).value for _, game in games]
+        return sum(found)
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _value(self, code: int, played: int) -> float:
+        turns = max(1, _turns(code))
+        last = self._terms.last_turn
+        if code == 0 or (last is not None and turns > last - played):
+            return 0.0
+        gain = self._terms.gains[0] if code > 0 else -self._terms.gains[1]
+        return self._sign * gain * float(self._terms.discount ** (turns - 1)) + 0.0
+
+    def _best_start(self) -> dict[str, Any]:
+        """Return the start if the pursuers choose their nodes first, and then the evader."""
+        table = self.outcomes
+        if table.exits.all():
+            raise BadValue("All nodes are exits, so that the evader has none to start from: give fewer exits=.")
+        nodes = np.flatnonzero(~table.exits)
+        codes = table.codes[table.first][:, nodes].astype(np.float64)
+        worth = np.divide(1.0, codes, out=np.zeros_like(codes), where=codes != 0)
+        formation = int(worth.min(axis=1).argmax())
+        places = _formations(len(table.exits), table.pursuers)[formation].tolist()
+        place = int(nodes[worth[formation].argmin()])
+        names = (*self._terms.pursuers, self._terms.evader)
+        return {name: table.roads.labels[row] for name, row in zip(names, [*places, place], strict=True)}
+
+    def _rows(self, places: Mapping[str, Any]) -> tuple[list[int], int]:
+        """Return the rows of the pursuers and of the evader."""
+        given = as_mapping(places, "places")
+        for name, node in given.items():
+            if node is None:
+                raise BadValue(f"places[{shown(self._known(name))}] is None: the pursuit is over without this agent.")
+        now = {**self.start, **{self._known(name): node for name, node in given.items()}}
+        row = self.outcomes.row
+        return [row(now[name]) for name in self._terms.pursuers], row(now[self._terms.evader])
+
+    def _known(self, agent: str) -> str:
+        return as_known(agent, "agent", (*self._terms.pursuers, self._terms.evader))
+
+    def _side_of(self, team: str) -> int:
+        return self._terms.teams.index(as_known(team, "team that was solved for", self._terms.teams))
+
+
+@names_keywords
+def pursuit(
+    graph: object,
+    *,
+    pursuers: int = 1,
+    exits: Iterable[Node] = (),
+    moves_first: Literal["pursuers", "evader"] = "pursuers",
+) -> PursuitSolution:
+    """Return the values of a pursuit in turns with full sight on a graph, and exact play of both sides.
+
+        solution = gamms.solve.pursuit(ctx.graph, pursuers=2)
+        print(solution.captures({"pursuer_0": 3, "pursuer_1": 4, "evader": 12}))
+
+    A turn is a move of all pursuers and one of the evader, each along one edge or none. Without exits, this is the game
+    of cops and robbers. The value is 1 if the pursuers can force a capture, -1 if the evader can force an escape, and 0
+    if neither can.
+
+    Args:
+        graph: a networkx graph, directed or not, or `ctx.graph`.
+        pursuers: the number of pursuers, which are interchangeable.
+        exits: nodes on which the evader escapes if it is there at the end of a turn and not caught.
+        moves_first: the side that moves first in a turn.
+
+    Raises:
+        BadType, BadValue: an argument is impossible.
+        UnknownName (KeyError): an exit is not on the map.
+        TooLarge: the positions would take more memory than `gamms.limits.max_memory`.
+    """
+    number = as_count(pursuers, "pursuers")
+    first = ROLES.index(as_choice(moves_first, "moves_first", ROLES))
+    roads = roads_of(graph)
+    outcomes = PursuitTable(roads, number, _exit_rows(roads, exits), first)
+    names = tuple(f"pursuer_{place}" for place in range(number))
+    return PursuitSolution(outcomes, PursuitTerms(("pursuers", "evader"), names, "evader"), "pursuers")
+
+
+def _exit_rows(roads: Roads, exits: Iterable[Node]) -> list[int]:
+    if isinstance(exits, str) or not isinstance(exits, Iterable):
+        raise BadType(f"exits must be several nodes, such as [0, 5], not {shown(exits)}.")
+    row_of = {label: row for row, label in enumerate(roads.labels)}
+    wanted = list(exits)
+    for node in wanted:
+        if node not in row_of:
+            raise UnknownName("node", node, row_of)
+    return [row_of[node] for node in wanted]
+
+
+@names_keywords
+def cop_number(graph: object, *, most: int = 3) -> int | None:
+    """Return the cop number of a graph: the fewest pursuers that can force a capture wherever the evader starts.
+
+    The pursuers choose their nodes first, then the evader; then the pursuers move first.
+
+    Args:
+        graph: see `pursuit`.
+        most: the most pursuers to try.
+
+    Returns:
+        The number; None if it is larger than `most`.
+
+    Raises:
+        BadType, BadValue, TooLarge: see `pursuit`.
+    """
+    limit = as_count(most, "most")
+    roads = roads_of(graph)
+    for number in range(1, limit + 1):
+        outcomes = PursuitTable(roads, number, (), PURSUERS)
+        if (outcomes.codes[PURSUERS] > 0).all(axis=1).any():
+            return number
+    return None
+
+
+# -- scenarios ----------------------------------------------------------------------------------------------------
+
+
+def recognized(setup: GameSetup, reward: Reward, discount: float) -> PursuitSolution | None:
+    """Return the solution of a scenario that is a pursuit in turns with full sight; None: it is another game.
+
+    Its rules are `tag(…, then="eliminate")`, then perhaps `reach` for the evader, and `last_team` or `none_left`. One
+    team has a single agent, the evader; all move along one edge in a turn, and all see all.
+    """
+    if reward not in ("win", "score"):
+        return None
+    ctx = setup.scenario.build(setup.seed, dict.fromkeys(setup.teams, stay))
+    with ctx:
+        rules = _PursuitRules.of(ctx)
+        if rules is None or {*rules.teams} != {*setup.teams}:
+            return None
+        gains = (1.0, 1.0) if reward == "win" else rules.points
+        if gains[0] <= 0 or (rules.exits and gains[1] <= 0):
+            return None
+        sides = [sorted(one.name for one in ctx.game.agents if one.team == team) for team in rules.teams]
+        last = TurnTerms.of(ctx.game, setup.last_turn).last_turn
+        terms = PursuitTerms(rules.teams, tuple(sides[0]), sides[1][0], gains, discount, last)
+        roads = roads_of(ctx.graph)
+        outcomes = PursuitTable(roads, len(sides[0]), _exit_rows(roads, rules.exits), rules.first)
+        start = {one.name: one.current_node_id for one in ctx.game.agents}
+        return PursuitSolution(outcomes, terms, setup.teams[0], start, setup, reward)
+
+
+class _PursuitRules(NamedTuple):
+    """What the rules of a pursuit say.
+
+    Attributes:
+        teams: the teams of the pursuers and of the evader.
+        exits: the nodes where the evader escapes.
+        points: what the pursuers get for a capture, and the evader for an escape.
+        first: the side that moves first.
+    """
+
+    teams: tuple[str, str]
+    exits: frozenset[int]
+    points: tuple[float, float]
+    first: int
+
+    @classmethod
+    def of(cls, ctx: Context) -> "_PursuitRules | None":
+        """Return the rules of a game; None: it is not a pursuit in turns with full sight."""
+        game: Game = ctx.game
+        named = [(_name_of(rule), rule) for rule in game.rules]
+        names = [name for name, _ in named]
+        if (
+            names[:1] != ["tag"]
+            or not {*names[1:]} <= {"reach", "last_team", "none_left"}
+            or len({*names}) < len(names)
+        ):
+            return None
+        parts = game.rules[0].spec.parts
+        if len(parts) != 1 or not _is_capture(parts[0]):
+            return None
+        teams = parts[0].taggers, parts[0].tagged
+        arguments = {name: rule.spec.core_form.args for name, rule in named if isinstance(rule.spec.core_form, partial)}
+        exits, bounty, is_won = _exits_of(arguments.get("reach"), teams[EVADER])
+        ends = "last_team" in names or _ends_by_capture(arguments.get("none_left"), teams, parts[0].score)
+        first = _first_of(game, teams)
+        if not (is_won and ends and first is not None and _has_usual_agents(game, teams) and _sees_all(game)):
+            return None
+        return cls(teams, exits, (float(parts[0].score), bounty), first)
+
+
+def _name_of(rule: NamedRule) -> str:
+    """Return the name of a shipped rule that is called after the moves; "": it is another one."""
+    form = rule.spec.core_form
+    name = form.func.__name__ if isinstance(form, partial) else ""
+    is_shipped = isinstance(form, partial) and FORMS.get(name) is form.func and rule.phase == "after"
+    return name if is_shipped else ""
+
+
+def _is_capture(part: Any) -> bool:  # Any: what `tag` was called with
+    """Return whether a tag takes out each agent that shares a node with a tagger."""
+    usual = ContactOptions(None, 0.0, crossing=part.nearness.crossing, air=part.nearness.air, passing=True)
+    is_simple = part.nearness == usual and part.ground is None and not part.mutual
+    return is_simple and part.then == "eliminate" and not any(map(callable, (part.taggers, part.tagged)))
+
+
+def _exits_of(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozenset[int], float, bool]:
+    """Return the exits, the points for reaching them, and whether the evader, and nobody else, wins there."""
+    if reach is None:
+        return frozenset(), 0.0, True
+    goals, winner, score, _ = reach
+    if [*goals] != [evaders] or isinstance(goals[evaders], str):
+        return frozenset(), 0.0, False
+    return goals[evaders], float(score), winner in (ONE_THAT_SHOWS, evaders)
+
+
+def _ends_by_capture(none_left: tuple[Any, ...] | None, teams: tuple[Any, Any], score: float) -> bool:
+    """Return whether `none_left` lets the pursuers win when the evader is out."""
+    if none_left is None:
+        return False
+    team, _, winner = none_left
+    return team == teams[EVADER] and (winner == teams[PURSUERS] or (winner == ONE_THAT_SHOWS and score > 0))
+
+
+def _first_of(game: Game, teams: tuple[Any, Any]) -> int | None:
+    """Return the side that moves first; None: the sides do not move one after the other."""
+    order = game.settings()["order"] or ()
+    parts = [{*part} for part in order]
+    if parts == [{teams[PURSUERS]}, {teams[EVADER]}]:
+        return PURSUERS
+    return EVADER if parts == [{teams[EVADER]}, {teams[PURSUERS]}] else None
+
+
+def _has_usual_agents(game: Game, teams: tuple[Any, Any]) -> bool:
+    """Return whether there is one evader, and all agents move freely along one edge in a turn."""
+    settings = game.settings()
+    is_usual = settings["legal"] == "edges" and settings["speed_unit"] == "edges" and settings["conflicts"] is None
+    is_usual = is_usual and not settings["channels"] and not settings["deeds"] and settings["time_budget"] is None
+    agents = game.agents
+    sizes = [sum(one.team == team for one in agents) for team in teams]
+    is_whole = sum(sizes) == len(agents) == len(game.ctx.agent.agents) and not game.scores
+    is_slow = all(one.speed in (None, 1) for one in agents)
+    return is_usual and is_whole and is_slow and sizes[PURSUERS] > 0 and sizes[EVADER] == 1
+
+
+def _sees_all(game: Game) -> bool:
+    """Return whether each agent knows where all others are."""
+    if game.settings()["information"] == "full":
+        return True
+    return all(any(map(_shows_all, one.sensors.values())) for one in game.agents)
+
+
+def _shows_all(sensor: Any) -> bool:  # Any: `in_arrays` is no part of the contract of sensors
+    look = sensor.in_arrays() if sensor.type is SensorType.AGENT else None
+    return look is not None and (look.radius, look.teams, look.is_plain) == (inf, None, True)
