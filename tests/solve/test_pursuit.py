@@ -190,7 +190,8 @@ def test_exact_play_against_exact_play_takes_as_many_turns_as_the_solution_says(
         assert (result.winner, result.turns) == (None, 30)
     with scenario.batch(2, strategies=both) as games:
         games.run(warn=False)
-        assert games.turn.tolist() == [result.turns] * 2
+        assert games.slow is None
+        assert games.result(0) == scenario.play(games.seeds[0], both)
 
 
 @pytest.mark.parametrize("robbers", [stay, chase, random_walk, gamms.strategies.flee])
@@ -251,6 +252,7 @@ EYES = {"eyes": {"type": "AGENT"}}
         ({"rules.0.with.mutual": True}, False),
         ({"rules.1": {"rule": "none_left", "with": {"team": "robbers"}}}, True),
         ({"rules.1": {"rule": "none_left", "with": {"team": "robbers", "winner": "robbers"}}}, False),
+        ({"rules": [*PURSUIT, {"rule": "none_left", "with": {"team": "robbers", "winner": "robbers"}}]}, False),
         ({"rules": PURSUIT[:1]}, False),
         ({"rules": [*PURSUIT, {"rule": "time_limit", "with": {"turns": 5, "winner": "robbers"}}]}, False),
         ({"rules": [{"rule": "reach", "with": {"team": "robbers", "nodes": [4]}}, *PURSUIT]}, False),

@@ -7,7 +7,6 @@ to move. `PursuitTable` has an outcome for each, which `gamms.core.pursuit` find
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
-from itertools import product
 from math import comb, inf
 from typing import Any, Literal, NamedTuple
 
@@ -19,9 +18,13 @@ from gamms.context import Context
 from gamms.core import pursuit as core
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import Game
+from gamms.game.array_functions.declarations import array_strategy
+from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
 from gamms.game.settings import NamedRule
-from gamms.ir.graph import FloatArray, IntArray, labels
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, labels
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensor_results import AgentLook
 from gamms.limits import refuse_above
 from gamms.rules.in_core import FORMS
 from gamms.solve.solution import Choice, Reward, Solution, solved
@@ -31,7 +34,7 @@ from gamms.solve.worlds import GameSetup, TurnTerms
 from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing import SensorType
-from gamms.typing.game import State, Strategy
+from gamms.typing.game import Strategy
 
 PURSUERS, EVADER = core.SIDES
 CAUGHT, ESCAPED = core.ENDS
@@ -114,6 +117,8 @@ class PursuitTable:
         self.exits[[*exits]] = True
         self._row_of = {label: row for row, label in enumerate(roads.labels)}
         self._refuse_large()
+        ranks = [[comb(row + number, number + 1) for row in range(len(roads.labels))] for number in range(pursuers)]
+        self._ranks = np.array(ranks, np.int64)  # (pursuers, nodes), see `_numbers`
         formations = _formations(len(roads.labels), pursuers)
         self.codes = self._find(formations)
 
@@ -127,7 +132,7 @@ class PursuitTable:
         for degree in np.diff(self.roads.offsets).tolist():
             for number in range(1, self.pursuers + 1):
                 moves[number] += degree * moves[number - 1]
-        most = min(moves[-1], (positions // nodes) ** 2)
+        most = min(moves[-1], (positions // nodes) ** 2) + int(np.diff(self.roads.offsets).max()) ** self.pursuers
         what = f"A pursuit of {self.pursuers} pursuers on {nodes:,} nodes, {positions:,} positions,"
         refuse_above(10.0 * positions + 48.0 * most, what)
         if positions >= _MOST_POSITIONS:
@@ -168,7 +173,7 @@ class PursuitTable:
                 rows, moves = kernels.expand_ranges(offsets[places], offsets[places + 1])
                 before = before[rows]
                 after = np.column_stack((after[rows], ends[moves]))
-            keys.append(np.unique(before * len(formations) + _numbers(np.sort(after, axis=1))))
+            keys.append(np.unique(before * len(formations) + _numbers(np.sort(after, axis=1), self._ranks)))
         return np.divmod(np.concatenate(keys), len(formations))
 
     # -- single positions ---------------------------------------------------------------------------------------
@@ -191,46 +196,60 @@ class PursuitTable:
             places: the rows of the pursuers.
             place: the row of the evader.
         """
-        if self.exits[place] and place not in places:  # nothing has ended: a game begins here
-            last = self._codes_after(self.first, self.options(self.first, places, place))
-            wanted = max(last, key=_worth) if self.first == PURSUERS else min(last, key=_worth)
-            return wanted + (CAUGHT if wanted > 0 else ESCAPED if wanted < 0 else 0)
-        return self._code(self.first, places, place)
+        if not self.exits[place] or place in places:
+            return int(self._codes_of(self.first, np.array(places), np.array(place)))
+        _, [after] = self.best(
+            self.first, np.array([places]), np.array([place])
+        )  # a game begins here, and has not ended
+        return int(after) + int(np.sign(after))
 
-    def _code(self, side: int, places: Iterable[int], place: int) -> int:
-        number = 0
-        for pursuer, row in enumerate(sorted(places)):
-            number += comb(row + pursuer, pursuer + 1)
-        return int(self.codes[side, number, place])
+    def _codes_of(self, side: int, places: IntArray, place: IntArray) -> IntArray:
+        """Return the codes of positions: `places` (…, pursuers), `place` (…)."""
+        found: IntArray = self.codes[side, _numbers(np.sort(places, axis=-1), self._ranks), place]
+        return found
 
-    def options(self, side: int, places: Sequence[int], place: int) -> list[tuple[tuple[int, ...], int]]:
-        """Return the positions to which a side can move, as rows of the pursuers and of the evader."""
-        if side == EVADER:
-            return [(tuple(places), end) for end in self._ends(place)]
-        return [(ends, place) for ends in product(*map(self._ends, places))]
-
-    def _ends(self, place: int) -> list[int]:
-        """Return the rows to which an agent can move, its own first."""
-        ends = self.roads.ends[self.roads.offsets[place] : self.roads.offsets[place + 1]].tolist()
-        return sorted(ends, key=lambda end: end != place)
-
-    def _codes_after(self, side: int, options: Iterable[tuple[tuple[int, ...], int]]) -> list[int]:
-        return [self._code(1 - side, *option) for option in options]
-
-    def best(self, side: int, places: Sequence[int], place: int) -> tuple[tuple[int, ...], int]:
-        """Return the position to which a side moves under exact play.
+    def best(self, side: int, places: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the rows to which the agents of a side move under exact play, and the codes of the positions after it.
 
         Pursuers catch the evader as soon as possible, or delay its escape; the evader does the opposite. Among equal
         moves, pursuers take one with the smallest sum of distances to the evader, and the evader one with the largest.
         Further ties go to staying, then to the order of the nodes.
+
+        Args:
+            side: the side to move.
+            places: (games, pursuers) the rows of the pursuers.
+            place: (games,) the row of the evader.
+
+        Returns:
+            (games, agents of the side) and (games,).
         """
-        options = self.options(side, places, place)
-        codes = self._codes_after(side, options)
         sign = 1 if side == PURSUERS else -1
-        worth = [sign * _worth(code) for code in codes]
-        best = max(worth)
-        equal = [option for option, one in zip(options, worth, strict=True) if one == best]
-        return min(equal, key=lambda option: sign * float(self._far[[*option[0]], option[1]].sum()))
+        own = places if side == PURSUERS else place[:, None]
+        choices = np.indices((self._ways.shape[1],) * own.shape[1]).reshape(own.shape[1], -1)
+        ends = self._ways[own[:, None, :], choices.T]  # (games, choices, agents)
+        is_move: BoolArray = np.logical_and.reduce(ends >= 0, axis=2)
+        if side == PURSUERS:
+            pursuers, evader = ends, np.broadcast_to(place[:, None], is_move.shape)
+        else:
+            pursuers, evader = np.broadcast_to(places[:, None, :], (*is_move.shape, places.shape[1])), ends[:, :, 0]
+        codes = self._codes_of(1 - side, np.where(is_move[:, :, None], pursuers, 0), np.where(is_move, evader, 0))
+        worth = np.where(is_move, sign * _worth(codes), -inf)
+        far = sign * self._far[pursuers, evader[:, :, None]].sum(axis=2)
+        is_best = worth == worth.max(axis=1, keepdims=True)
+        best = np.where(is_best, far, inf).argmin(axis=1)
+        games = np.arange(len(best))
+        return ends[games, best], codes[games, best]
+
+    @cached_property
+    def _ways(self) -> IntArray:
+        """(nodes, most) the rows to which an agent can move from each node, its own first, padded with -1."""
+        offsets, ends = self.roads.offsets, self.roads.ends
+        counts = np.diff(offsets)
+        begins = np.repeat(np.arange(len(counts)), counts)
+        order = np.lexsort((ends, ends != begins, begins))
+        found = np.full((len(counts), int(counts.max())), -1)
+        found[begins, np.arange(len(ends)) - offsets[begins]] = ends[order]
+        return found
 
     @cached_property
     def _far(self) -> FloatArray:
@@ -251,9 +270,9 @@ class PursuitTable:
             reached = np.logical_or.reduceat(reached[:, into], offsets[:-1], axis=1)
 
 
-def _worth(code: int) -> float:
-    """Return a number that orders codes as pursuers do: early captures, late ones, neither, late and early escapes."""
-    return 1.0 / code if code else 0.0
+def _worth(codes: IntArray) -> FloatArray:
+    """Return numbers that order codes as pursuers do: early captures, late ones, neither, late and early escapes."""
+    return np.divide(1.0, codes, out=np.zeros(codes.shape), where=codes != 0)
 
 
 def _turns(code: int) -> int:
@@ -279,13 +298,9 @@ def _formations(nodes: int, pursuers: int) -> IntArray:
     return found
 
 
-def _numbers(formations: IntArray) -> IntArray:
-    """Return the numbers of formations, (rows, pursuers), each ascending: as combinatorial ranks."""
-    numbers = np.zeros(len(formations), np.int64)
-    for pursuer, rows in enumerate(formations.T):
-        most = int(rows.max(initial=0)) + 1
-        ranks = np.array([comb(row + pursuer, pursuer + 1) for row in range(most)], np.int64)
-        numbers += ranks[rows]
+def _numbers(formations: IntArray, ranks: IntArray) -> IntArray:
+    """Return the numbers of formations, (…, pursuers), each ascending; `ranks`: (pursuers, nodes) binomials."""
+    numbers: IntArray = ranks[np.arange(len(ranks)), formations].sum(axis=-1)
     return numbers
 
 
@@ -322,69 +337,71 @@ class PursuitStrategy:
     def __init__(self, table: PursuitTable, side: int) -> None:
         self._table = table
         self._side = side
+        self._known: tuple[GraphColumns, IntArray] | None = None  # the latest map, and the rows of its nodes
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({ROLES[self._side]!r}, pursuers={self._table.pursuers})"
 
     def __call__(self, ctx: Context) -> Strategy:
-        """Return the strategy of an agent in a game.
+        """Return the strategy of an agent in a game, whose order of play is set before."""
+        decide = partial(self._decide, tuple(map(tuple, ctx.game.order or ())))
+        decide.__name__ = repr(self)  # type: ignore[attr-defined] # for errors
+        return array_strategy(decide)(ctx)
 
-        Raises:
-            BadValue: the game has another map.
-        """
-        table = self._table
-        ids = self._ids_on(ctx)
-        row_of = {node: row for row, node in enumerate(ids)}
+    def _decide(self, order: tuple[tuple[Hashable, ...], ...], view: ArrayView) -> IntArray:
+        """Return the actions of the agents of a view, in games with this order of play."""
+        rows = self._rows_on(view.streets.columns)
+        roster = view.roster
+        is_own = roster.team_of == roster.team_of[view.agents[0]]
+        sides = np.flatnonzero(is_own), np.flatnonzero(~is_own)
+        pursuers, evaders = sides if self._side == PURSUERS else sides[::-1]
+        living = view.living
+        places = rows[view.of(np.arange(len(is_own))).node]
+        playing = np.flatnonzero(living[:, evaders].any(axis=1) & living[:, pursuers].any(axis=1))
+        if len(playing):
+            counts = [living[playing[:, None], agents].sum(axis=1) for agents in (pursuers, evaders)]
+            self._check(order, roster.teams[roster.team_of[view.agents[0]]], *counts)
+            now = places[playing]
+            ends, _ = self._table.best(self._side, now[:, pursuers], now[:, evaders[0]])
+            places[playing[:, None], sides[0]] = ends
+        ids = view.streets.columns.node_ids[np.argsort(rows)]
+        return view.action_to(ids[places[:, view.agents]])
 
-        def strategy(state: State) -> None:
-            mine = [one for one in ctx.game.agents if one.team == state["team"]]
-            others = [one for one in ctx.game.agents if one.team != state["team"]]
-            if not others:
-                state["action"] = state["curr_pos"]
-                return
-            self._check(ctx, state["team"], len(mine), len(others))
-            pursuers, evaders = (mine, others) if self._side == PURSUERS else (others, mine)
-            pursuers.sort(key=lambda one: one.name)
-            places = [row_of[one.current_node_id] for one in pursuers]
-            ends, end = table.best(self._side, places, row_of[evaders[0].current_node_id])
-            number = next(number for number, one in enumerate(mine) if one.name == state["name"])
-            state["action"] = ids[ends[number] if self._side == PURSUERS else end]
-
-        return strategy
-
-    def _ids_on(self, ctx: Context) -> list[int]:
-        """Return the ids of the rows on the map of a game."""
+    def _rows_on(self, columns: GraphColumns) -> IntArray:
+        """Return the row in the table of each row of the map of a game."""
+        if self._known is not None and self._known[0] is columns:
+            return self._known[1]
         roads = self._table.roads
-        columns = ctx.graph.columns()
         id_of = labels(columns)
-        ids = [id_of.get(label, label) for label in roads.labels]
-        there = roads_of(ctx.graph)
-        row_of = {node: row for row, node in enumerate(ids)}
-        if {*row_of} == {*there.labels}:
-            rows = np.array([row_of[node] for node in there.labels])
-            begins = np.repeat(rows, np.diff(there.offsets))
-            keys = np.sort(begins * len(rows) + rows[there.ends])
+        row_of = {id_of.get(label, label): row for row, label in enumerate(roads.labels)}
+        there = columns.node_ids.tolist()
+        if {*row_of} == {*there}:
+            rows = np.array([row_of[node] for node in there])
+            every = rows * len(rows) + rows
+            keys = np.concatenate((rows[columns.sources] * len(rows) + rows[columns.targets], every))
             own = np.repeat(np.arange(len(rows)), np.diff(roads.offsets)) * len(rows) + roads.ends
-            if np.array_equal(keys, own):
-                return ids
+            if np.array_equal(np.unique(keys), own):
+                self._known = columns, rows
+                return rows
         raise BadValue(
-            f"{self!r} was solved for another map, of {len(ids)} nodes; that of this game has {len(there.labels)}. "
+            f"{self!r} was solved for another map, of {len(row_of)} nodes; that of this game has {len(there)}. "
             "Solve the pursuit on ctx.graph of this game."
         )
 
-    def _check(self, ctx: Context, team: Hashable, mine: int, others: int) -> None:
-        """Refuse a game with other agents or another order of play."""
+    def _check(
+        self, order: tuple[tuple[Hashable, ...], ...], team: Hashable, pursuers: IntArray, evaders: IntArray
+    ) -> None:
+        """Refuse games with other agents or another order of play."""
         table = self._table
-        pursuers, evaders = (mine, others) if self._side == PURSUERS else (others, mine)
-        if (pursuers, evaders) != (table.pursuers, 1):
+        is_other = (pursuers != table.pursuers) | (evaders != 1)
+        if is_other.any():
+            game = int(is_other.argmax())
             raise BadValue(
                 f"{self!r} is for {table.pursuers} pursuers and 1 evader, and team {shown(team)} plays a game of "
-                f"{pursuers} and {evaders}: solve it with pursuers={pursuers}, for one evader."
+                f"{pursuers[game]} and {evaders[game]}: solve it with pursuers={pursuers[game]}, for one evader."
             )
-        order = ctx.game.settings()["order"]
-        is_first = bool(order) and len(order) == 2 and team in order[0]
-        is_last = bool(order) and len(order) == 2 and team in order[1]
-        if not (is_first if self._side == table.first else is_last):
+        turn = 0 if self._side == table.first else 1
+        if len(order) != 2 or team not in order[turn]:
             raise BadValue(
                 f"{self!r} was solved with moves_first={ROLES[table.first]!r}, and ctx.game.order is {shown(order)}: "
                 "set two lists, of the team that moves first and of the other, or solve with another moves_first=."
@@ -502,14 +519,15 @@ class PursuitSolution(Solution):
         as_count(turn, "turn", 0)
         side = self._side_of(team)
         rows, row = self._rows(places or {})
+        pursuers = np.array([rows])
+        evader = np.array([row])
         if side != self.outcomes.first:
-            rows_now, row = self.outcomes.best(self.outcomes.first, rows, row)
-            rows = list(rows_now)
-        ends, end = self.outcomes.best(side, rows, row)
+            moved, _ = self.outcomes.best(self.outcomes.first, pursuers, evader)
+            pursuers, evader = (moved, evader) if side == EVADER else (pursuers, moved[:, 0])
+        ends, _ = self.outcomes.best(side, pursuers, evader)
         nodes = self.outcomes.roads.labels
-        if side == EVADER:
-            return [Choice(1.0, {self._terms.evader: nodes[end]})]
-        return [Choice(1.0, {name: nodes[to] for name, to in zip(self._terms.pursuers, ends, strict=True)})]
+        names = self._terms.pursuers if side == PURSUERS else (self._terms.evader,)
+        return [Choice(1.0, {name: nodes[end] for name, end in zip(names, ends[0].tolist(), strict=True)})]
 
     def strategy(self, team: str | None = None) -> PursuitStrategy:
         """Return the exact play of a team, for any game on this map with these numbers of agents and order of play.
@@ -558,8 +576,7 @@ class PursuitSolution(Solution):
         if table.exits.all():
             raise BadValue("All nodes are exits, so that the evader has none to start from: give fewer exits=.")
         nodes = np.flatnonzero(~table.exits)
-        codes = table.codes[table.first][:, nodes].astype(np.float64)
-        worth = np.divide(1.0, codes, out=np.zeros_like(codes), where=codes != 0)
+        worth = _worth(table.codes[table.first][:, nodes])
         formation = int(worth.min(axis=1).argmax())
         places = _formations(len(table.exits), table.pursuers)[formation].tolist()
         place = int(nodes[worth[formation].argmin()])
@@ -716,7 +733,8 @@ class _PursuitRules(NamedTuple):
         teams = parts[0].taggers, parts[0].tagged
         arguments = {name: rule.spec.core_form.args for name, rule in named if isinstance(rule.spec.core_form, partial)}
         exits, bounty, is_won = _exits_of(arguments.get("reach"), teams[EVADER])
-        ends = "last_team" in names or _ends_by_capture(arguments.get("none_left"), teams, parts[0].score)
+        ends = _ends_by_capture(arguments.get("none_left"), teams, parts[0].score)
+        ends = ends and ("last_team" in names or "none_left" in names)
         first = _first_of(game, teams)
         if not (is_won and ends and first is not None and _has_usual_agents(game, teams) and _sees_all(game)):
             return None
@@ -749,9 +767,9 @@ def _exits_of(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozens
 
 
 def _ends_by_capture(none_left: tuple[Any, ...] | None, teams: tuple[Any, Any], score: float) -> bool:
-    """Return whether `none_left` lets the pursuers win when the evader is out."""
+    """Return whether `none_left` lets the pursuers win when the evader is out, or is not there."""
     if none_left is None:
-        return False
+        return True
     team, _, winner = none_left
     return team == teams[EVADER] and (winner == teams[PURSUERS] or (winner == ONE_THAT_SHOWS and score > 0))
 
@@ -786,4 +804,4 @@ def _sees_all(game: Game) -> bool:
 
 def _shows_all(sensor: Any) -> bool:  # Any: `in_arrays` is no part of the contract of sensors
     look = sensor.in_arrays() if sensor.type is SensorType.AGENT else None
-    return look is not None and (look.radius, look.teams, look.is_plain) == (inf, None, True)
+    return bool(look == AgentLook(inf, is_plain=True))
