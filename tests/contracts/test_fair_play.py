@@ -456,6 +456,15 @@ def in_a_cycle():
     return rule
 
 
+def in_an_array():
+    counts = np.zeros((2, 2))
+
+    def rule(ctx):
+        counts[1, 0] = 7.0
+
+    return rule
+
+
 HIDDEN = [
     (in_a_closure, r"The closure variable 'seen' of rule\(\) changed from \[\] to \[[01], [12]"),
     (in_a_number_of_a_closure, r"The closure variable 'number' of rule\(\) changed from 0 to 10"),
@@ -471,6 +480,7 @@ HIDDEN = [
     (in_dice_that_it_does_not_use, r"The closure variable 'dice' of rule\(\) changed in the game"),
     (in_an_iterator, r"The closure variable 'turns' of rule\(\) changed in the game"),
     (in_a_cycle, r"The closure variable 'turns' of rule\(\) changed in the game"),
+    (in_an_array, r"The closure variable 'counts' of rule\(\) changed from array\(\[\[0\., 0.*to array\(\[\[0.*\[7"),
 ]
 
 

@@ -29,8 +29,17 @@ class _Variable(NamedTuple):
     """A variable as it is at a moment."""
 
     name: str
-    image: object  # equal at two moments if nothing has changed in between
-    text: str
+    image: Any  # equal at two moments if nothing has changed in between
+    written: str | None  # the value as text; None: an array of numbers, whose image has all of it
+
+    @property
+    def text(self) -> str:
+        """The value as text."""
+        # NOTE: only for errors: writing an array takes longer than a turn (benchmarks: games of the gallery).
+        if self.written is not None:
+            return self.written
+        kind, shape, numbers = self.image
+        return shown(np.frombuffer(numbers, kind).reshape(shape))
 
 
 _Variables = dict[tuple[int, str], _Variable]
@@ -61,12 +70,12 @@ class HiddenState:
         """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
         known = self._looked
         now = self._now()
-        for key, (name, image, text) in now.items():
-            before = self._before.get(key, _MISSING if key[0] in known else now[key])
-            if image != before.image:
-                change = "" if text == before.text else f" from {before.text} to {text}"
+        for key, one in now.items():
+            before = self._before.get(key, _MISSING if key[0] in known else one)
+            if one.image != before.image:
+                change = "" if one.text == before.text else f" from {before.text} to {one.text}"
                 return (
-                    f"{name} changed{change} in the game, which neither ctx.game.reset nor ctx.game.restore takes "
+                    f"{one.name} changed{change} in the game, which neither ctx.game.reset nor ctx.game.restore takes "
                     f"back. {way_out} What can be worked out again may be cached by functools.cache."
                 )
         return ""
@@ -115,7 +124,8 @@ def _look(function: object, found: _Variables, seen: set[int]) -> None:
         if callable(value) and not isinstance(value, type):
             _look(value, found, seen)
         elif not is_ours:
-            found[id(function), name] = _Variable(name, _image(value, set()), shown(value))
+            has_all = type(value) is np.ndarray and not value.dtype.hasobject
+            found[id(function), name] = _Variable(name, _image(value, set()), None if has_all else shown(value))
 
 
 def _named_values(function: object) -> Iterator[tuple[str, object]]:
