@@ -21,7 +21,7 @@ cdef class Flights:
     cpdef int fly(self, i64 agent, double x, double y, double z, i64 game=*) except -1
     cpdef int turn(self, i64 agent, double w, double x, double y, double z, i64 game=*) except -1
     @cython.locals(source=i64, target=i64, i=i64)
-    cpdef int show(self, i64 agent, i64 game, Flights shown, i64 other, i64 in_game) except -1
+    cpdef int copy_to(self, Flights flights, i64 agent, i64 game, i64 other, i64 in_game) except -1
     @cython.locals(row=Py_ssize_t)
     cdef Py_ssize_t find_flyer(self, i64 agent, i64 game) except -1
     @cython.locals(begin=i64, i=i64)

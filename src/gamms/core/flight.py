@@ -72,15 +72,15 @@ class Flights:
         """Set the rotation of a flying agent."""
         return self.turn_row(self.find_flyer(agent, game), w, x, y, z)
 
-    def show(self, agent: int, game: int, shown: Flights, other: int, in_game: int) -> int:
-        """Copy the positions and the rotation of an agent to another agent, in a game of other flights."""
+    def copy_to(self, flights: Flights, agent: int, game: int, other: int, in_game: int) -> int:
+        """Copy the positions and the rotation of an agent of a game to another agent, in a game of other flights."""
         source = self.find_flyer(agent, game)
-        target = shown.find_flyer(other, in_game)
+        target = flights.find_flyer(other, in_game)
         for i in range(3):
-            shown.position[3 * target + i] = self.position[3 * source + i]
-            shown.previous[3 * target + i] = self.previous[3 * source + i]
+            flights.position[3 * target + i] = self.position[3 * source + i]
+            flights.previous[3 * target + i] = self.previous[3 * source + i]
         for i in range(4):
-            shown.quat[4 * target + i] = self.quat[4 * source + i]
+            flights.quat[4 * target + i] = self.quat[4 * source + i]
         return 0
 
     def find_flyer(self, agent: int, game: int) -> int:

@@ -699,7 +699,7 @@ class TurnPositions:
 def show_flights(block: AgentBlock, rows: Sequence[int], flights: Flights, agents: Sequence[int], game: int) -> None:
     """Show flying agents of a game of a batch in these rows, above the nodes that the block has for them."""
     for row, agent in zip(rows, agents, strict=True):
-        flights.show(agent, game, block.flights, row, 0)
+        flights.copy_to(block.flights, agent, game, row, 0)
     block._unlocated.clear()
 
 

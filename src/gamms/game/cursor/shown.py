@@ -740,7 +740,7 @@ class ShownGame:
             self._core.place_newcomers(np.array([number]))
         if state.flights is not None:
             for agent, row in zip(self._population.flying, self._population.rows_in_air, strict=True):
-                block.flights.show(row, 0, state.flights, agent, number)
+                block.flights.copy_to(state.flights, row, 0, agent, number)
             state.has_flown[number] &= ~state.placed[number, state.flyers]
             state.placed[number, state.flyers] |= state.has_flown[number]
 
