@@ -1,5 +1,6 @@
 """Pursuits in turns end as a NumPy program, the general solver and played games say."""
 
+import sys
 from itertools import product
 
 import networkx as nx
@@ -13,11 +14,21 @@ from solved_games import pursuit as pursuit_game
 import gamms
 from gamms.errors import BadType, BadValue, GammsError, TooLarge, UnknownName
 from gamms.limits import allowing
-from gamms.solve import PursuitSolution, TableSolution, cop_number, nash_conv, pursuit, solve
+from gamms.solve import (
+    PursuitSolution,
+    TableSolution,
+    cop_number,
+    exact_evader,
+    exact_pursuers,
+    nash_conv,
+    pursuit,
+    solve,
+)
 from gamms.solve.pursuit import recognized
 from gamms.solve.solution import setup_of, solved
 from gamms.strategies import chase, random_walk, stay
 
+pursuits = sys.modules["gamms.solve.pursuit"]  # the package has a function of this name
 DISCOUNT = 0.5  # of the program below, so that values tell the number of turns, and are exact
 FIRST = ("pursuers", "evader")
 RANDOM = {"random 1", "random 4", "random 6"}
@@ -192,6 +203,40 @@ def test_exact_play_against_exact_play_takes_as_many_turns_as_the_solution_says(
         games.run(warn=False)
         assert games.slow is None
         assert games.result(0) == scenario.play(games.seeds[0], both)
+
+
+def test_exact_agents_solve_each_map_of_a_batch_once(monkeypatch):
+    exits = {"exits": [0]}
+    scenario = played_by([5, 2], 3, "pursuers", exits["exits"]).replace(
+        map={"grid": {"rows": 3, "columns": 3}}, max_turns=9
+    )
+    for team, name in (("cops", "exact_pursuers"), ("robbers", "exact_evader")):
+        plays = {"function": f"gamms.solve:{name}", "with": exits}
+        scenario = scenario.replace(**{f"teams.{team}.strategy": plays})
+    maps = [{"grid": {"rows": 3, "columns": 3}}, {"grid": {"rows": 2, "columns": 5}}]
+    solved_maps = []
+    find = pursuits.PursuitTable._find
+    monkeypatch.setattr(pursuits.PursuitTable, "_find", lambda *args: solved_maps.append(args) or find(*args))
+    with scenario.batch(8, maps=maps) as games:
+        games.run(warn=False)
+        assert (games.slow, len(solved_maps)) == (None, 2)
+        for number in range(8):
+            of_map = scenario.replace(map=maps[games.maps[number]])
+            with of_map.build() as ctx:
+                solution = pursuit(ctx.graph, pursuers=2, **exits)
+            start = {"pursuer_0": 5, "pursuer_1": 2, "evader": 3}
+            ends = [one for one in (solution.captures(start), solution.escapes(start)) if one is not None]
+            assert games.turn[number] == (ends or [9])[0]
+            assert games.result(number) == of_map.play(games.seeds[number])
+
+
+def test_exact_agents_refuse_games_that_are_not_in_turns():
+    scenario = played_by([0], 3, "pursuers", graph="path", turns=2)
+    with pytest.raises(BadValue, match=r"ctx\.game\.order is \(\)"):
+        scenario.replace(**{"settings.order": None}).play(strategies={"cops": exact_pursuers, "robbers": stay})
+    with pytest.raises(BadValue, match="plays a game of 1 and 2"):
+        two = {"agents": [{"name": "ann", "node": 3}, {"name": "ben", "node": 2}]}
+        scenario.replace(**{"teams.robbers": two}).play(strategies={"cops": stay, "robbers": exact_evader})
 
 
 @pytest.mark.parametrize("robbers", [stay, chase, random_walk, gamms.strategies.flee])

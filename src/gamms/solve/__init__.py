@@ -15,7 +15,14 @@ responses, add it to `responses.py`.
 
 from gamms.errors import suggest_names as _suggest_names
 from gamms.solve.mixtures import DoubleOracle, MatrixGame, double_oracle, matrix_game
-from gamms.solve.pursuit import PursuitSolution, PursuitStrategy, cop_number, pursuit
+from gamms.solve.pursuit import (
+    PursuitSolution,
+    PursuitStrategy,
+    cop_number,
+    exact_evader,
+    exact_pursuers,
+    pursuit,
+)
 from gamms.solve.responses import (
     Evaluation,
     Response,
@@ -45,6 +52,8 @@ __all__ = [
     "cop_number",
     "double_oracle",
     "evaluate",
+    "exact_evader",
+    "exact_pursuers",
     "exploitability",
     "matrix_game",
     "nash_conv",
@@ -52,5 +61,7 @@ __all__ = [
     "pursuit",
     "solve",
 ]
+
+FOR_SCENARIOS = {"exact_evader": exact_evader, "exact_pursuers": exact_pursuers}  # strategies that a file may name
 
 _suggest_names(__name__, __all__)

@@ -9,6 +9,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from math import comb, inf
 from typing import Any, Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from gamms.game.array_functions.declarations import array_strategy
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
 from gamms.game.settings import NamedRule
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, labels
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids, labels
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.limits import refuse_above
@@ -69,18 +70,24 @@ def roads_of(graph: object) -> Roads:
     columns: Any = getattr(graph, "columns", None)
     edges: Any = getattr(graph, "edges", None)
     if callable(columns):
-        now = columns()
-        names = now.node_ids.tolist()
-        sources, targets = now.sources, now.targets
-    elif callable(edges) and hasattr(graph, "is_directed"):
+        return _roads_of_columns(columns())
+    if callable(edges) and hasattr(graph, "is_directed"):
         known: Any = graph
         names = list(known)
         row_of = {name: row for row, name in enumerate(names)}
         ends = np.array([(row_of[source], row_of[target]) for source, target in edges()], np.int64).reshape(-1, 2)
         both = ends if known.is_directed() else np.concatenate((ends, ends[:, ::-1]))
-        sources, targets = both[:, 0], both[:, 1]
-    else:
-        raise BadType(f"A pursuit needs a networkx graph or ctx.graph, not {shown(graph)}.")
+        return _roads(names, both[:, 0], both[:, 1])
+    raise BadType(f"A pursuit needs a networkx graph or ctx.graph, not {shown(graph)}.")
+
+
+def _roads_of_columns(columns: GraphColumns) -> Roads:
+    """Return the roads of a map."""
+    return _roads(columns.node_ids.tolist(), columns.sources, columns.targets)
+
+
+def _roads(names: list[Any], sources: IntArray, targets: IntArray) -> Roads:
+    """Return the roads of a graph with these edges between rows."""
     if not names:
         raise BadValue("The graph has no nodes: a pursuit needs one at least.")
     own = np.arange(len(names))
@@ -352,18 +359,17 @@ class PursuitStrategy:
         """Return the actions of the agents of a view, in games with this order of play."""
         rows = self._rows_on(view.streets.columns)
         roster = view.roster
-        is_own = roster.team_of == roster.team_of[view.agents[0]]
-        sides = np.flatnonzero(is_own), np.flatnonzero(~is_own)
-        pursuers, evaders = sides if self._side == PURSUERS else sides[::-1]
+        pursuers, evaders = _sides_of(view, self._side)
+        own = pursuers if self._side == PURSUERS else evaders
         living = view.living
-        places = rows[view.of(np.arange(len(is_own))).node]
+        places = rows[view.of(np.arange(len(roster.names))).node]
         playing = np.flatnonzero(living[:, evaders].any(axis=1) & living[:, pursuers].any(axis=1))
         if len(playing):
             counts = [living[playing[:, None], agents].sum(axis=1) for agents in (pursuers, evaders)]
             self._check(order, roster.teams[roster.team_of[view.agents[0]]], *counts)
             now = places[playing]
             ends, _ = self._table.best(self._side, now[:, pursuers], now[:, evaders[0]])
-            places[playing[:, None], sides[0]] = ends
+            places[playing[:, None], own] = ends
         ids = view.streets.columns.node_ids[np.argsort(rows)]
         return view.action_to(ids[places[:, view.agents]])
 
@@ -408,6 +414,73 @@ class PursuitStrategy:
             )
 
 
+def exact_pursuers(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
+    """Make a strategy by which the pursuers of a pursuit in turns play exactly, on any map.
+
+    The pursuit is solved on the map of a game when the strategy first decides there; see `pursuit` for its rules. All
+    agents of other teams are evaders, of which there may be one. It reads the positions of all agents.
+
+    Args:
+        ctx: the context of the game, whose order of play is set before.
+        exits: ids of nodes where the evader escapes.
+
+    Raises:
+        BadType: an exit is not an integer.
+        BadValue: in the first turn, if the game has several evaders or another order of play.
+        UnknownName (KeyError): in the first turn, if an exit is not on the map.
+        TooLarge: in the first turn, see `pursuit`.
+    """
+    return _exact_strategy(ctx, PURSUERS, exits)
+
+
+def exact_evader(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
+    """Make a strategy by which the evader of a pursuit in turns plays exactly, on any map; see `exact_pursuers`.
+
+    Args:
+        ctx: see `exact_pursuers`.
+        exits: see `exact_pursuers`.
+
+    Raises:
+        BadType, BadValue, UnknownName, TooLarge: see `exact_pursuers`.
+    """
+    return _exact_strategy(ctx, EVADER, exits)
+
+
+def _exact_strategy(ctx: Context, side: int, exits: Iterable[int]) -> Strategy:
+    nodes = tuple(sorted({*as_node_ids(exits, "exits", ctx.graph)}))
+    decide = partial(_decide_exactly, side, nodes, tuple(map(tuple, ctx.game.order or ())))
+    decide.__name__ = f"exact_{ROLES[side]}"  # type: ignore[attr-defined] # for errors
+    return array_strategy(decide)(ctx)
+
+
+def _decide_exactly(
+    side: int, exits: tuple[int, ...], order: tuple[tuple[Hashable, ...], ...], view: ArrayView
+) -> IntArray:
+    """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
+    pursuers, _ = _sides_of(view, side)
+    columns = view.streets.columns
+    is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
+    first = side if is_first else 1 - side
+    tables = _TABLES.setdefault(columns, {})
+    key = len(pursuers), exits, first
+    if key not in tables:
+        roads = _roads_of_columns(columns)
+        tables[key] = PursuitTable(roads, len(pursuers), _exit_rows(roads, exits), first)
+    return PursuitStrategy(tables[key], side)._decide(order, view)
+
+
+_TABLES: WeakKeyDictionary[GraphColumns, dict[tuple[int, tuple[int, ...], int], PursuitTable]] = WeakKeyDictionary()
+"""Map -> number of pursuers, exits and first side -> the outcomes."""
+
+
+def _sides_of(view: ArrayView, side: int) -> tuple[IntArray, IntArray]:
+    """Return the numbers of the pursuers and of the evaders, if the agents of a view are on a side."""
+    team_of = view.roster.team_of
+    is_own = team_of == team_of[view.agents[0]]
+    own, others = np.flatnonzero(is_own), np.flatnonzero(~is_own)
+    return (own, others) if side == PURSUERS else (others, own)
+
+
 class PursuitSolution(Solution):
     """The values of a pursuit in turns, and exact play; made by `pursuit`, and by `solve` if it recognizes the game.
 
@@ -421,6 +494,7 @@ class PursuitSolution(Solution):
         team: the team whose values these are.
         start: agent -> its node.
         setup: the game to solve; None: a graph alone.
+        reward: the reward of the team.
 
     Attributes:
         outcomes: how positions end.
