@@ -277,10 +277,10 @@ class AgentBlock(AgentColumns):
             setattr(self, name, column.copy())
         for name in (*_PLACES, "placed", "team_rows"):
             setattr(self, name, values[name].copy())
-        self.flyers = [*compress(count(), self.kind)]
         self.numbers = values["numbers"]
         self._edge_numbers = values["edge_numbers"]
         self.games = values["games"].copied()
+        self.flyers = [*compress(count(), self.games.row("kind"))]
         self._show()
         self._derive()
         self._unlocated = set(self.flyers)
