@@ -103,3 +103,49 @@ def test_learners_in_the_core_are_those_of_contexts(options):
             actions = rng.integers(-1, 6, size=learners.masks.shape[:2])
             played, wanted = learners.step(actions), alone.step(actions)
             assert written(tuple(played)) == written(tuple(wanted))
+
+
+@pytest.mark.parametrize("first", ["time_limit", "none_left"])
+@pytest.mark.parametrize("then", ["eliminate", "respawn"])
+def test_an_event_in_the_last_turn_terminates_a_game_and_its_time_limit_alone_truncates_it(first, then):
+    """Both learners and the agent that they tag stand on one node; with "respawn" it is never out."""
+    teams = {
+        "red": {"agents": [{"name": "red_1", "node": 0}, {"name": "red_2", "node": 0}]},
+        "blue": {"agents": [{"name": "blue_1", "node": 0}]},
+    }
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": then}}
+    ends = [{"rule": "time_limit", "with": {"turns": 1}}, {"rule": "none_left", "with": {"team": "blue"}}]
+    rules = [tag, *(ends if first == "time_limit" else reversed(ends))]
+    game = Scenario(map={"grid": {"width": 3, "height": 1}}, teams=teams, rules=rules)
+    with Learners(game, 2, teams="red") as learners:
+        learners.begin_all(1)
+        played = learners.step(np.zeros((2, 2), np.int64))
+        is_out = then == "eliminate"
+        assert (played.terminated == is_out).all()
+        assert (played.truncated != is_out).all()
+        assert (learners.games.truncated != is_out).all()
+        assert (played.rewards == learners.games.scores["red"][:, None]).all()
+        assert learners.is_over.all()
+
+
+def test_an_observation_of_ones_own_gets_the_legal_actions_and_ends_of_the_default_one():
+    """The core writes them in both cases; here they are compared with what views and tables say."""
+
+    def nodes(view):
+        return view.node[..., None].astype(np.float32)
+
+    with Learners(scene("eliminate"), 6, teams="red", observation=nodes) as own:
+        own.begin_all(3)
+        for _ in range(9):
+            view = own.games.observe("red")
+            shown = np.where(own.is_over[:, None], 1, np.where(view.mask, view.counts, 1))
+            assert (own.masks.sum(axis=2) == shown).all()
+            assert (own.alive == view.mask).all()
+            assert (own.observe()[..., 0] == view.node).all()
+            before = view.mask & ~own.is_over[:, None]
+            played = own.step(np.full((6, 3), 1))
+            now = own.games.observe("red").mask
+            assert (played.valid == before).all()
+            assert (played.terminated == (before & (~now | own.games.terminated[:, None]))).all()
+            assert (played.truncated == (before & now & own.games.truncated[:, None])).all()
+        assert own.is_over.all()

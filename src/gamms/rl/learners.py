@@ -473,8 +473,7 @@ class Learners:
 
     def _list_maps(self) -> list[int]:
         """Return the numbers of the maps that have games."""
-        found: list[int] = np.unique(self.games.maps).tolist()
-        return found
+        return np.flatnonzero(np.bincount(self.games.maps)).tolist()
 
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each map that has games."""
