@@ -21,6 +21,8 @@ Turns in which functions are called follow a `TurnPlan`: the phases that they ne
 it, in one game (`GameTurn` and `game.turn.TurnEngine`) and in a batch (`game.batch_engine.BatchEngine`). There, an
 entry plays a phase in all games, and the core plays consecutive phases in which no function is called at once.
 
+A step of learners is one call of `play_step`, if no function is called in the turn.
+
 In the core, games share only the map and the arguments of rules; they can be played in any order and on several
 threads. Agents that move along several edges, or by metres, override what differs: `by_edges.EdgeMovers`,
 `by_metres.MetreMovers`. Agents that decide on arrival decide and give way several times per turn: `arrivals.play`, or
