@@ -8,7 +8,7 @@ ctypedef int i32
 ctypedef long long i64
 ctypedef unsigned long long u64
 
-cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES, MIXES, SKIPS
+cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES, MIXES, SKIPS, PICKS
 cdef i64 NOTHING
 cdef double INFINITE
 
@@ -41,6 +41,7 @@ cdef class Strategies:
     cdef StrategySteps steps
     cdef routes.PathTables ways
     cdef sight.AgentSearch search
+    cdef const double[::1] shares
     cdef bint has_lookers
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys

@@ -20,8 +20,9 @@ WANDERS = 4  # go to a random node, wait there for some turns, then draw another
 CHASES = 5  # go to the nearest visible enemy;
 FLEES = 6  # move to the legal node farthest from visible enemies;
 MIXES = 7  # continue with a probability, else skip a number of steps;
-SKIPS = 8  # skip a number of steps
-KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip")  # names of steps by number
+SKIPS = 8  # skip a number of steps;
+PICKS = 9  # continue if the number drawn for the team and the game is below a bound, else skip a number of steps
+KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip", "pick")  # names of steps by number
 NOTHING = -1  # no node was chosen: try the next step
 INFINITE = float("inf")
 
@@ -106,12 +107,12 @@ class StrategySteps:
 
     Attributes:
         begins: (agents + 1,) the steps of agent `i` are `begins[i]` to `begins[i + 1] - 1`.
-        kinds: (steps,) `STAYS` to `SKIPS`.
+        kinds: (steps,) `STAYS` to `PICKS`.
         first: (steps,) where the nodes of the step begin in `nodes`.
         sizes: (steps,) the number of its nodes.
-        numbers: (steps,) for `FOLLOWS`, 1: begin with the nearest stop; for `WANDERS`, the turns to wait; for `MIXES`
-            and `SKIPS`, the number of steps to skip.
-        chances: (steps,) for `MIXES`, the probability.
+        numbers: (steps,) for `FOLLOWS`, 1: begin with the nearest stop; for `WANDERS`, the turns to wait; for `MIXES`,
+            `SKIPS` and `PICKS`, the number of steps to skip.
+        chances: (steps,) for `MIXES`, the probability; for `PICKS`, the bound.
         slots: (steps,) the memory column of the step; `WANDERS` also uses the next one.
         nodes: rows of nodes.
         following: for each node on a list, the index of the next one that is a different node.
@@ -151,6 +152,7 @@ class Strategies:
         has_lookers: whether some agents look for others.
         seen: (agents,) working memory: the numbers of the agents that were found last.
         keys: (rows,) the `draws.first_key` of each agent.
+        shares: (rows,) the number in [0, 1) drawn for the team of each agent in its game; empty without `PICKS`.
         legal: (nodes,) the legal nodes of the current agent, its own node first; written by the caller.
         legal_ids, safety: (nodes,) working memory: their ids, and their distances from the nearest enemy.
         memory: (columns * rows,) the memory of the agents.
@@ -169,6 +171,7 @@ class Strategies:
         ways: routes.PathTables,
         search: sight.AgentSearch,
         keys: memoryview[int],
+        shares: memoryview[float],
         memory: memoryview[int],
     ) -> None:
         self.games = games
@@ -177,6 +180,7 @@ class Strategies:
         self.search = search
         self.has_lookers = len(self.search.order) > 0
         self.keys = keys
+        self.shares = shares
         self.memory = memory
         nodes = len(self.ways.ids)
         safety: Any = memoryview(array("d", bytes(8 * nodes)))
@@ -233,6 +237,9 @@ def act(p: Strategies, game: int, agent: int) -> int:
             target = _nearest_enemy(p, game, agent, node)
         elif kind == FLEES:
             target = _farthest(p, game, agent)
+        elif kind == PICKS:
+            if not is_drawn(p.shares[game * p.games.agents + agent], p.steps.chances[step]):
+                step += p.steps.numbers[step]
         elif kind == SKIPS or not is_drawn(_fraction(p, game, agent), p.steps.chances[step]):
             step += p.steps.numbers[step]
         target = _towards(p, game, agent, node, target)

@@ -35,6 +35,7 @@ from gamms.game.block.columns import (
     AgentTable,
     BeginsAgain,
     PlayedGame,
+    decider_of,
     drawn_maps,
     roster_of,
 )
@@ -45,6 +46,7 @@ from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.random_streams import global_state, seeded_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
+from gamms.game.strategy_specs import pools_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -678,7 +680,8 @@ class Batch(Surface, Immutable, NotPickled):
     def table(self) -> dict[str, Any]:
         """Return columns with one row for each game: seed, turns, reason, winner, truncated, and `score.<key>`.
 
-        With several maps, the column `map` is the number of each game's map.
+        With several maps, the column `map` is the number of each game's map. For a team that plays a pool,
+        `opponent.<team>` is the name of the member that it has drawn.
         """
         overs = [self._engine.over(game) or {} for game in range(len(self))]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
@@ -687,6 +690,11 @@ class Batch(Surface, Immutable, NotPickled):
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
+        game = self._sources[0].game
+        plans = game.settings()["plans"]
+        pools = pools_of([(agent.team, decider_of(agent, plans)) for agent in self._roster.agents])
+        for team, pool in pools.items():
+            columns[f"opponent.{team}"] = np.array([pool.names[pool.draw(seed, team)] for seed in self.seeds], object)
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
     @names_keywords

@@ -54,7 +54,7 @@ from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction
 from gamms.game.movement.roads import join_streets
 from gamms.game.order import left_out
-from gamms.game.result import Result
+from gamms.game.result import Result, list_opponents
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, strategy_spec_of
 from gamms.ir.game_state import PHASES
@@ -1382,7 +1382,11 @@ class BatchEngine(TurnDriver):
             messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
-            provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
+            provenance=template.provenance
+            | {"strategies": dict(sorted(strategies.items()))}
+            | list_opponents(
+                [(ends[name], function_in(one, game)) for name, one in deciders.items()], state.seeds[game]
+            ),
             **over,
         )
 

@@ -15,7 +15,15 @@ from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, 
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
 from gamms.game.random_streams import seeded_for_run
-from gamms.game.result import MANY_TURNS, Collectors, Result, misspelt_names, warn_of_no_end, what_went_wrong
+from gamms.game.result import (
+    MANY_TURNS,
+    Collectors,
+    Result,
+    list_opponents,
+    misspelt_names,
+    warn_of_no_end,
+    what_went_wrong,
+)
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
@@ -442,6 +450,7 @@ class Game(Surface, RuleVerbs):
                 "scenario": self._internals.scenario,
                 "strategies": {name: called[id(one)] for name, one in deciders.items()},
                 **({} if self.information == "private" else {"information": self.information}),
+                **list_opponents([(agents[name].team, one) for name, one in deciders.items()], self.ctx.seed),
             },
             **over,
         )

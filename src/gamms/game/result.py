@@ -16,6 +16,7 @@ from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_targe
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, bytes_of, write_whole
+from gamms.game.strategy_specs import drawn_members
 from gamms.ir.game_state import log_at, reason_in_words
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
@@ -32,6 +33,12 @@ if TYPE_CHECKING:
 
 _LONG = 1e15  # numbers from here on are printed in full
 _COUNTS = ("alive", "moves", "blocked", "illegal", "errors", "overruns")  # of an agent
+
+
+def list_opponents(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[str, dict[Hashable, str]]:
+    """Return the entry `opponents` of a provenance, or nothing if no team plays a pool; see `drawn_members`."""
+    drawn = drawn_members(deciders, seed)
+    return {"opponents": drawn} if drawn else {}
 
 
 @dataclass(eq=False, repr=False)
@@ -60,7 +67,8 @@ class Result(Surface):
         seed: the seed of the context.
         collected: name -> columns of collected values.
         provenance: further data to repeat the game: the versions of `gamms`, `python` and `numpy`, the `scenario` (None
-            if a program built the game) and `strategies` (agent -> module and name, at the end of the game).
+            if a program built the game), `strategies` (agent -> module and name, at the end of the game), and
+            `opponents` (team -> the member that it has drawn), if teams play pools of strategies.
     """
 
     _called = "result"
@@ -186,12 +194,14 @@ class Result(Surface):
     def row(self) -> dict[str, Any]:
         """Return a summary of the game as one row of plain values, for tables of many games.
 
-        Its keys are reason, winner, truncated and turns; `score.<team>` and other scores; counts by team:
+        Its keys are reason, winner, truncated and turns; `opponent.<team>`, the member of its pool that a team has
+        drawn; `score.<team>` and other scores; counts by team:
         `agents.<team>`, `alive.<team>`, `moves.<team>`, `blocked.<team>`, `illegal.<team>`, `errors.<team>` and
         `overruns.<team>`; and `collector.<name>`, the last value of each collector of the game.
         """
         teams = list(dict.fromkeys(one["team"] for one in self.agents.values()))
         row = {"reason": self.reason, "winner": _plain(self.winner), "truncated": self.truncated, "turns": self.turns}
+        row |= {f"opponent.{team}": name for team, name in self.provenance.get("opponents", {}).items()}
         row |= {f"score.{of}": _plain(score) for of, score in ({**dict.fromkeys(teams, 0), **self.scores}).items()}
         for team in teams:
             agents = [one for one in self.agents.values() if one["team"] == team]

@@ -1,10 +1,14 @@
 """Declarations of how batches play a strategy or the plan of a team, and of what strategies store."""
 
-from collections.abc import Callable, Hashable, Mapping
+from bisect import bisect_right
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
+from gamms import kernels
+from gamms.ir.graph import FloatArray
+from gamms.kernels.draws import BitArray
 from gamms.plain import Shape
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -31,6 +35,34 @@ class CoreStep(NamedTuple):
     chance: float = 0.0
 
 
+class PoolSpec(NamedTuple):
+    """The members of a pool of strategies, of which each team draws one in each game.
+
+    Attributes:
+        names: the names of the members.
+        bounds: a team plays the first member whose bound is above the number that it draws.
+    """
+
+    names: tuple[str, ...]
+    bounds: tuple[float, ...]
+
+    def draw(self, seed: int, team: Hashable) -> int:
+        """Return the number of the member that a team plays in the game of a seed."""
+        bits = kernels.draw_bits(kernels.purpose_key(seed, "pool"), kernels.name_key(repr(team)), 0)
+        return bisect_right(self.bounds, kernels.fraction(bits))
+
+
+def draw_shares(purposes: BitArray, teams: Sequence[Hashable]) -> FloatArray:
+    """Return the numbers in [0, 1) by which teams draw members of pools, (games, teams).
+
+    Args:
+        purposes: (games, 1) the `kernels.purpose_key` of each game's seed and "pool".
+        teams: the teams.
+    """
+    names = kernels.name_keys(map(repr, teams))
+    return kernels.fraction_many(kernels.draw_bits_rows(purposes, names[None], 0))
+
+
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
     """Declaration of how batches play a strategy, or the plan of a team, and of what it stores.
@@ -42,6 +74,7 @@ class StrategySpec:
         team_memory: likewise for `state["team_memory"]`; agents without a team store this in `state["memory"]`.
         is_called_each: whether batches call the strategy game by game although it has an array form.
         is_replaced: whether batches replace its decisions by actions from outside, so that it is called in one game.
+        pool: the members of which it plays one in each game; None: it is no pool.
     """
 
     array_form: Callable[..., Any] | None = None
@@ -50,6 +83,7 @@ class StrategySpec:
     team_memory: tuple[Shape, ...] = ()
     is_called_each: bool = False
     is_replaced: bool = False
+    pool: PoolSpec | None = None
 
     @property
     def is_in_core(self) -> bool:
@@ -74,6 +108,21 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
     spec: StrategySpec = getattr(strategy, _SPEC, _UNDECLARED)
     wrapped = getattr(strategy, "__wrapped__", None)
     return _UNDECLARED if spec is getattr(wrapped, _SPEC, None) else spec
+
+
+def pools_of(deciders: Iterable[tuple[Hashable, object]]) -> dict[Hashable, PoolSpec]:
+    """Return the pool of each team that plays one; see `drawn_members`."""
+    return {team: pool for team, one in deciders if (pool := strategy_spec_of(one).pool) is not None}
+
+
+def drawn_members(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[Hashable, str]:
+    """Return the name of the member that each team with a pool plays in the game of a seed.
+
+    Args:
+        deciders: for each agent its team, and its strategy or the plan of its team.
+        seed: the seed of the game.
+    """
+    return {team: pool.names[pool.draw(seed, team)] for team, pool in pools_of(deciders).items()}
 
 
 def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:

@@ -18,6 +18,7 @@ from gamms.game.array_functions.view import ArrayView, movement_in, widen, width
 from gamms.game.batch import digests_by_map
 from gamms.game.block.columns import sensors_of
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
 from gamms.plugins import needing
 from gamms.rl.deeds import choices_of
@@ -37,6 +38,7 @@ from gamms.sensor.catalog import KINDS
 from gamms.text import module_of, shown
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import ISensor
 
 Maker = Callable[[IContext], Callable[[Any], None]]
 
@@ -114,7 +116,7 @@ class Equipment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return all(mine.startswith(theirs) or theirs.startswith(mine) for mine, theirs in pairs)
 
 
-def _describe_sensor(sensor: Any) -> str:
+def _describe_sensor(sensor: ISensor) -> str:
     """Return the type of a sensor, and for a built-in one the digest of its settings."""
     kind = KINDS.get(sensor.type)
     name: str = sensor.type.name
@@ -325,8 +327,8 @@ def _maker(player: _PolicyOptions) -> Maker:
             masks += [] if choices is None else [choices.masks(view)]
             shape = masks[0].shape[0], len(columns)
             mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
-            parts = {"observation": values.reshape(-1, *values.shape[2:]), "action_mask": mask}
-            logits = np.where(mask, fitting.evaluate(parts), -np.inf)
+            asked = view.mask[:, columns].ravel()
+            logits = _evaluate(fitting.evaluate, values.reshape(-1, *values.shape[2:]), mask, asked)
             for head, part in enumerate(np.split(logits, [fitting.actions], axis=1)[:heads]):
                 drawn = None if uniform is None else uniform[head][:, columns].ravel()
                 actions[head][:, columns] = _choose_actions(part, drawn).reshape(shape)
@@ -382,6 +384,15 @@ def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]
     for team in dict.fromkeys(teams):
         columns = np.array([column for column, one in enumerate(teams) if one == team])
         yield view.of(view.roster.members(team)), columns
+
+
+def _evaluate(network: Logits, values: Float32Array, mask: BoolArray, asked: BoolArray) -> Float32Array:
+    """Return numbers for actions, (rows, actions): those of the network for the rows asked, 0 for others."""
+    logits = np.where(mask, np.float32(0.0), np.float32(-np.inf))
+    if asked.any():
+        parts = {"observation": values[asked], "action_mask": mask[asked]}
+        logits[asked] = np.where(mask[asked], network(parts), -np.inf)
+    return logits
 
 
 def _choose_actions(logits: Float32Array, uniform: FloatArray | None) -> IntArray:

@@ -23,17 +23,20 @@ agent's sensors. An agent without a team (None) is an enemy of all; a sensor wit
 them yourself where a strategy needs them. Without `legal`, an agent moves along one edge at a time.
 
 **Batches.** The core plays some strategies in batches, as declared by `offer_steps`: `stay`, `random_walk`, `goto`,
-`follow_path`, `patrol`, `random_waypoints`, `chase`, `flee` and `first`. It calls the others game by game.
+`follow_path`, `patrol`, `random_waypoints`, `chase`, `flee`, `first`, `mix`, and a `pool` of these. It calls the others
+game by game.
 
 Read `knowledge.py` first, about the knowledge of strategies and the steps of agents. `travel.py` has strategies
 without enemies, `stops.py` routes along a list of nodes, `encounters.py` strategies about enemies, `assignment.py` a
-team that shares out enemies, `sweeping.py` a team that visits all nodes; `paces.py` converts distances to turns.
+team that shares out enemies, `sweeping.py` a team that visits all nodes, `pool.py` pools of opponents; `paces.py`
+converts distances to turns.
 May import: `belief`, `context` and below. To add a strategy, write a function and name it below.
 """
 
 from gamms.errors import suggest_names as _suggest_names
 from gamms.strategies.assignment import assign
 from gamms.strategies.encounters import chase, flee, follow_belief, guard, intercept, safest_exit
+from gamms.strategies.pool import pool, pool_for_scenario
 from gamms.strategies.sweeping import sweep
 from gamms.strategies.travel import (
     first,
@@ -61,6 +64,7 @@ __all__ = [
     "intercept",
     "mix",
     "patrol",
+    "pool",
     "random_walk",
     "random_waypoints",
     "safest_exit",
@@ -68,5 +72,7 @@ __all__ = [
     "sweep",
     "unblock",
 ]
+
+FOR_SCENARIOS = {**{name: globals()[name] for name in __all__}, "pool": pool_for_scenario}
 
 _suggest_names(__name__, __all__)

@@ -686,6 +686,12 @@ def widen(view: ArrayView, width: int | None) -> ArrayView:
     return widened
 
 
+def pool_shares_in(view: ArrayView) -> FloatArray:
+    """Return the numbers by which members of pools are drawn for the teams of the agents of a view, (games, agents)."""
+    shares: FloatArray = view._state.chosen(view._state.pool_shares(), view.games, view.agents)
+    return shares
+
+
 def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
     """Return the game numbers and the roster numbers of some agents of a view."""
     shape = view.node.shape

@@ -24,6 +24,7 @@ from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
+from gamms.game.strategy_specs import draw_shares
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -489,6 +490,7 @@ class BatchColumns:
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
+        self._pool_shares: FloatArray | None = None  # see `pool_shares`
         self._shared = (*vars(self), "_shared")  # the names of all these
 
     def _new_flights(self) -> TurnFlights:
@@ -645,6 +647,8 @@ class GameArrays(BatchColumns):
             keys[games] = kernels.purpose_keys(seeds, purposes)
         for purpose, drawn in self._draw_keys.items():
             drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
+        if self._pool_shares is not None:
+            self._pool_shares[games] = self._draw_shares(games)
 
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
@@ -927,6 +931,16 @@ class GameArrays(BatchColumns):
         if self._seeds is None:
             self._seeds = np.array(self.seeds)
         return self._seeds[games]
+
+    def pool_shares(self) -> FloatArray:
+        """Return the numbers in [0, 1) by which members of pools are drawn for the teams of agents, (games, agents)."""
+        if self._pool_shares is None:
+            self._pool_shares = np.ascontiguousarray(self._draw_shares(np.arange(len(self))))
+        return self._pool_shares
+
+    def _draw_shares(self, games: IntArray) -> FloatArray:
+        purposes = self.purposes("pool")[games, None]
+        return draw_shares(purposes, self.roster.teams)[:, self.roster.team_of]
 
     def draw_keys(self, purpose: str = "agent") -> BitArray:
         """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.first_key_rows`."""

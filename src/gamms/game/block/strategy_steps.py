@@ -34,7 +34,7 @@ def always_act(steps: Sequence[CoreStep]) -> bool:
         return False
     first = steps[0]
     rest = steps[1:]
-    if first.kind == "mix":
+    if first.kind in ("mix", "pick"):
         return always_act(rest) and always_act(rest[first.number :])
     if first.kind == "skip":
         return always_act(rest[first.number :])
@@ -206,6 +206,7 @@ class StrategySteps:
         self._remembered: dict[str, CoreStep] = {}
         self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
         self._steps = self._made_steps(steps)
+        self._has_pools = any(step.kind == "pick" for one in steps for step in one)
         looking = [_looks(one) for one in steps]
         shape = state.node.shape if any(looking) else (0, state.node.shape[1])
         self._order = np.zeros(shape, np.int64)
@@ -249,7 +250,8 @@ class StrategySteps:
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self.memory.reshape(-1).data
         ways = self._paths.of_thread(thread).core
-        return strategies.Strategies(games, self._steps, ways, self._search, keys, memory)
+        shares = flat(self._state.pool_shares() if self._has_pools else np.zeros(0), np.float64)
+        return strategies.Strategies(games, self._steps, ways, self._search, keys, shares, memory)
 
     def take_memories(self, games: IntArray) -> None:
         """Read the memories of agents in some games from the state of the batch, and order the agents by x."""
