@@ -46,7 +46,7 @@ from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.random_streams import global_state, seeded_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
-from gamms.game.strategy_specs import pools_of
+from gamms.game.strategy_specs import PoolSpec, pools_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -690,10 +690,7 @@ class Batch(Surface, Immutable, NotPickled):
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
-        game = self._sources[0].game
-        plans = game.settings()["plans"]
-        pools = pools_of([(agent.team, decider_of(agent, plans)) for agent in self._roster.agents])
-        for team, pool in pools.items():
+        for team, pool in pools_in(self).items():
             columns[f"opponent.{team}"] = np.array([pool.names[pool.draw(seed, team)] for seed in self.seeds], object)
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
@@ -957,6 +954,12 @@ def digests_by_map(games: Batch) -> list[dict[str, str]]:
     """Return the digests of the scenario on each map of a batch; see `Scenario.digests`."""
     known = [source.game.internals.digests for source in games._sources]
     return [one() for one in known if one is not None]
+
+
+def pools_in(games: Batch) -> dict[Hashable, PoolSpec]:
+    """Return the pool of each team that plays one in the games of a batch."""
+    plans = games._sources[0].game.settings()["plans"]
+    return pools_of([(agent.team, decider_of(agent, plans)) for agent in games._roster.agents])
 
 
 def step_with(

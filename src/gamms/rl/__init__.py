@@ -21,7 +21,7 @@ from gamms.rl.evaluation import Evaluation, evaluate
 from gamms.rl.learners import Learners, Observation, Reward, default_observation, straight_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
-from gamms.rl.policies import policy, save_policy
+from gamms.rl.policies import opponents, policy, save_policy
 from gamms.rl.turns import Turn
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "evaluate",
     "graph",
     "neighbourhood",
+    "opponents",
     "parallel_env",
     "policy",
     "save_policy",

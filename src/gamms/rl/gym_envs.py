@@ -60,7 +60,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
         found = self._columns()
-        return self._interface.given(found), mask_in(found)
+        return self._interface.given(found), mask_in(found) | self._opponents()
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; after an illegal action the agent stays, and `info["is_legal"]` is False."""
@@ -68,7 +68,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
         found = self._columns()
-        infos = {**mask_in(found), "is_legal": was_legal}
+        infos = {**mask_in(found), **self._opponents(), "is_legal": was_legal}
         is_out = bool(played.terminated[0, 0])
         is_late = bool(played.truncated[0, 0])
         return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
@@ -85,6 +85,9 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
     def close(self) -> None:
         """Close the game."""
         self.learners.close()
+
+    def _opponents(self) -> Infos:
+        return {key: column[0] for key, column in self.learners.opponents.items()}
 
     def _columns(self) -> Columns:
         return {key: column[0, 0] for key, column in self._interface.columns().items()}
@@ -175,7 +178,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         if options is not None and "reset_mask" in options:
             which = self._named_by(options["reset_mask"])
         found, alive = self._begin(which, seeds)
-        return self._interface.given(found), _infos(found, alive)
+        return self._interface.given(found), _infos(found, alive) | self._opponents()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
         """Play a turn of all games, and reset finished games as `autoreset_mode` says.
@@ -192,13 +195,15 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 f"Game {int(self._over().argmax())} has ended: call reset(options={{'reset_mask': terminated | "
                 "truncated}) before step()."
             )
+        opponents = self._opponents()
         turn = self._play(actions)
         ends = turn.terminated | turn.truncated
         infos = Infos()
         if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
-            infos = {"final_obs": self._interface.given(turn.last), "final_info": _infos(turn.last, turn.valid)}
+            final = _infos(turn.last, turn.valid) | opponents
+            infos = {"final_obs": self._interface.given(turn.last), "final_info": final}
             infos |= {"_final_obs": ends, "_final_info": ends.copy()}
-        infos |= _infos(turn.now, turn.valid)
+        infos |= _infos(turn.now, turn.valid) | self._opponents()
         return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
 
     def action_masks(self) -> BoolArray:
@@ -222,6 +227,10 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         self.learners.close()
 
     # -- inside: methods that `ProcessesEnv` overrides ----------------------------------------------------------
+
+    def _opponents(self) -> Infos:
+        """Return the opponents that teams with a pool have drawn, (slots,)."""
+        return {key: np.repeat(column, self.num_agents) for key, column in self.learners.opponents.items()}
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
         """Reset games, by their numbers; return the observations, and whether agents are alive, (slots,)."""

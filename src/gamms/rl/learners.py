@@ -14,7 +14,7 @@ from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mappi
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, LearnerWriter, movement_in, vectors_in, writer_of
-from gamms.game.batch import Batch, MostAgents, plays_at_once, step_with
+from gamms.game.batch import Batch, MostAgents, plays_at_once, pools_in, step_with
 from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -97,6 +97,8 @@ class Learners:
         has_begun: whether games have begun; before that, environments play no turn.
         stride: the number of games, including those of other processes.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
+        opponents: "opponent.<team>" -> (games,) the name of the member that the team has drawn, for each other team
+            that plays a pool.
 
     Raises:
         UnknownName (KeyError): a team does not exist.
@@ -149,6 +151,7 @@ class Learners:
             most_agents=most_agents,
             maps=maps,
         )
+        self._pools = pools_in(self.games)
         self._first = first + np.arange(number)
         self._episodes = np.zeros(number, np.int64)
         self.stride = number
@@ -171,6 +174,8 @@ class Learners:
                     f"Agent {shown(agent)} is of the team {shown(self.teams[0])}: give agent= without team=."
                 )
         self.agent = agent
+        self._pools = {team: pool for team, pool in self._pools.items() if team not in self.teams}
+        self.opponents = {f"opponent.{team}": np.full(len(self.games), None, object) for team in self._pools}
         views = self._views(0)
         self.num_actions = self._most_actions()
         self.deeds = self._deeds_in(views[0])
@@ -384,6 +389,8 @@ class Learners:
         """Begin games again, with these seeds."""
         self._refuse_closed()
         self.games.reset(which, seeds=seeds)
+        for (team, pool), column in zip(self._pools.items(), self.opponents.values(), strict=True):
+            column[which] = [pool.names[pool.draw(seed, team)] for seed in seeds]
         self.has_begun = True
         self._prefix.begin(which)
         self._maps = self._list_maps()

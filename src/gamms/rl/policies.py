@@ -4,13 +4,14 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
+from gamms.arguments import as_bool, as_context, as_function_of, as_items, as_path, as_target
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
@@ -35,6 +36,7 @@ from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_lo
 from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
 from gamms.sensor.catalog import KINDS
+from gamms.strategies import pool
 from gamms.text import module_of, shown
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
@@ -247,6 +249,41 @@ def policy(
     loaded = _loaded(as_path(path, "path"), as_bool(trusted, "trusted"))
     player = _PolicyOptions(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
     return _maker(player)
+
+
+def opponents(
+    members: Iterable[Any] | Mapping[str, Any],
+    weights: Iterable[float] | None = None,
+    *,
+    observation: Observation | None = None,
+    sample: bool = False,
+    other_scenario: bool = False,
+) -> Maker:
+    """Return a pool of opponents, of which each team draws one for each game; see `gamms.strategies.pool`.
+
+    `rl.vector_env(scenario, num_games=64, team="red", others={"blue": rl.opponents(["early.safetensors", flee])})`.
+
+    Args:
+        members: strategies, functions that make them in a context, and paths of saved policies; or name -> one of
+            these.
+        weights: the weight of each member, proportional to its probability; None: all are equal.
+        observation: the observation function of the saved policies; see `policy`.
+        sample: whether they draw their actions; see `policy`.
+        other_scenario: whether they play with other rules, sensors and speeds; see `policy`.
+
+    Raises:
+        BadFile, MissingFile: a path is not that of a policy.
+        BadType, BadValue: see `gamms.strategies.pool` and `policy`.
+    """
+
+    def load(member: object) -> object:
+        if not isinstance(member, str | PathLike):
+            return member
+        return policy(member, observation=observation, sample=sample, other_scenario=other_scenario)
+
+    if isinstance(members, Mapping):
+        return pool({name: load(one) for name, one in members.items()}, weights)
+    return pool([load(one) for one in as_items(members, "members", "strategies and paths of policies")], weights)
 
 
 def played_policy(

@@ -153,6 +153,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
             of_slots[slot]["valid"] = False
         for slot in np.flatnonzero(ends).tolist():
             of_slots[slot]["terminal_observation"] = _row(infos["final_obs"], slot)
+            of_slots[slot] |= {key: infos["final_info"][key][slot] for key in self.learners.opponents}
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
         return observed, rewards.astype(np.float32), ends, of_slots
 
