@@ -53,6 +53,7 @@ def test_the_docs_name_the_strategies_and_rules_that_are_in_the_core():
             "first": strategies.first(strategies.chase(ctx, None), strategies.stay),
             "goto": strategies.goto(ctx, 3),
             "guard": strategies.guard(ctx, 3, 10.0),
+            "pool": strategies.pool([strategies.chase, strategies.stay])(ctx),
         }
     assert {*made} == {*strategies.__all__}
     assert names_in_docs("strategies") == {name for name, one in made.items() if strategy_spec_of(one).core_steps}

@@ -1,6 +1,7 @@
 """A pool of strategies: each team plays one member in each game, drawn by the seed, alone as in batches."""
 
 import json
+import pickle
 from collections import Counter
 
 import numpy as np
@@ -156,6 +157,14 @@ def test_a_scenario_file_names_a_pool(tmp_path):
     with pytest.raises(ScenarioError, match=r"tag is a rule, and the parameter takes none"):
         wrong = {**named, "with": {"members": [{"function": "gamms.rules:tag", "with": {}}]}}
         scene().replace(**{"teams.blue.strategy": wrong}).check()
+
+
+def test_a_pool_can_be_sent_to_other_processes():
+    sent = pickle.loads(pickle.dumps(pool({"a": chase, "b": round_trip, "c": to_first})))
+    assert sent.__name__ == "pool([a, b, c])"
+    for seed in (1, 2):
+        one, other = (scene().play(seed, {"blue": blue}) for blue in (sent, pool([chase, round_trip, to_first])))
+        assert one == other
 
 
 def test_rows_of_an_experiment_name_the_opponent():

@@ -51,20 +51,10 @@ def pool(members: Iterable[Any] | Mapping[str, Any], weights: Iterable[float] | 
         BadType, BadValue: there are no members, or the weights are not numbers of at least 0 for each member.
     """
     given = _list_members(members, weights)
-    spec = PoolSpec(tuple([one.name for one in given]), _bounds_of(given))
-    name = f"pool([{', '.join(spec.names)}])"
-
-    def make_pool(ctx: IContext) -> Callable[[Any], None]:
-        as_context(ctx, "A pool")
-        options = [as_strategy(strategy_in(ctx, one.strategy), "Each member of a pool") for one in given]
-        strategy = _make_strategy(ctx, options, spec, name)
-        made = [one._replace(strategy=option) for one, option in zip(given, options, strict=True)]
-        setattr(strategy, _MEMBERS, made)
-        return strategy
-
-    make_pool.__name__ = make_pool.__qualname__ = name
-    setattr(make_pool, _MEMBERS, given)
-    return make_pool
+    make: Any = partial(_make_pool, members=given)  # which other processes can get, unlike a closure
+    make.__name__ = make.__qualname__ = f"pool([{', '.join([one.name for one in given])}])"
+    setattr(make, _MEMBERS, given)
+    return cast("Maker", make)
 
 
 def pool_for_scenario(
@@ -130,6 +120,17 @@ def _bounds_of(members: Sequence[_Member]) -> tuple[float, ...]:
     """Return the end of the part of [0, 1) in which each member is drawn; that of the last one drawn is 1."""
     sums = [*accumulate(member.share for member in members)]
     return tuple([1.0 if one >= sums[-1] else one / sums[-1] for one in sums])
+
+
+def _make_pool(ctx: IContext, *, members: Sequence[_Member]) -> Callable[[Any], None]:
+    """Return the strategy of a pool in a context."""
+    as_context(ctx, "A pool")
+    spec = PoolSpec(tuple([one.name for one in members]), _bounds_of(members))
+    options = [as_strategy(strategy_in(ctx, one.strategy), "Each member of a pool") for one in members]
+    strategy = _make_strategy(ctx, options, spec, f"pool([{', '.join(spec.names)}])")
+    made = [one._replace(strategy=option) for one, option in zip(members, options, strict=True)]
+    setattr(strategy, _MEMBERS, made)
+    return strategy
 
 
 def _make_strategy(
