@@ -105,7 +105,7 @@ OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
     "ctx.visual": "clear_layer create_layer ctx fill_layer get_viewport render_layer terminate",
 }
 FOR_ENGINES = {  # names that only engines and clients use
-    "ctx": "current_game is_recording is_seeded reseed rng_state seed_uses",
+    "ctx": "capture current_game is_recording is_seeded reseed rng_state seed_uses use_game",
     "ctx.agent": "block storage structure_version",
     "ctx.game": "fork_for_deciders internals is_deciding is_moving last_turn plain_settings settings_now timings",
     "ctx.graph": "obstacle_revision scenery_columns storage",

@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
@@ -182,7 +182,11 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
     @leaving_last_turn
     def use_game(self, game: object) -> None:
         """Set the turn engine: the one that the program has of a fork; see `gamms.game.game.UnreadFork`."""
-        self._game = cast("Game", game)
+        from gamms.game import Game
+
+        if not isinstance(game, Game):
+            raise BadType(f"The game of a context must be a Game, such as ctx.game.fork(1), not {shown(game)}.")
+        self._game = game
 
     @property
     def current_game(self) -> "Game | None":

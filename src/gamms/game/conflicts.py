@@ -167,7 +167,7 @@ class Conflicts:
     @property
     def has_state(self) -> bool:
         """Whether it resolves contests by an object of the user's, which may change."""
-        return type(self._resolver) not in (FunctionType, Ranking)
+        return type(self._resolver) not in (FunctionType, DescribedFunction, Ranking)
 
     def __repr__(self) -> str:
         return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import ExitStack
+from copy import copy
 from threading import RLock, get_ident
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, cast, overload
@@ -705,6 +706,9 @@ class UnreadFork(Surface, ContextPart):
     def __delattr__(self, name: str) -> None:
         """Become a game, and delete its attribute."""
         delattr(self.ctx.game, name)
+
+    def __copy__(self) -> Any:  # Any: a `Game`, which it has become
+        return copy(self.ctx.game)
 
     def __repr__(self) -> str:
         return repr(self.ctx.game)
