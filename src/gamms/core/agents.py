@@ -336,9 +336,14 @@ class AgentColumns:
 
 
 class GamePointer:
-    """Points a context at games of a batch in turn: it then has their turn, seed, nodes and living agents.
+    """Points a context at games of a batch in turn: it then has their turn, seed and nodes.
+
+    A subclass shows what most games have as at the start; see `show_more`.
 
     Args:
+        pointed: the values of the context, with the attributes `number`, `read`, `turns` and `shows_more`; see
+            `game.cursor.pointed.PointedContext`.
+        numbers: the numbers of the games.
         columns: the columns of the agents of the context.
         state: its state, with the attribute `turn`.
         own: the attributes of the context; `_seed` is set.
@@ -346,10 +351,16 @@ class GamePointer:
         seeds: (games,) the seed of each game.
         node, previous: (games * agents,) the numbers of nodes in all games.
         lives: (games * agents,) whether each agent lives.
+
+    Attributes:
+        numbers, seeds: see the arguments.
+        have_more: (games,) whether each game has values that are not as at the start.
     """
 
     def __init__(
         self,
+        pointed: Any,
+        numbers: list[int],
         columns: AgentColumns,
         state: Any,
         own: dict[str, Any],
@@ -359,6 +370,10 @@ class GamePointer:
         previous: memoryview[int],
         lives: memoryview[int],
     ) -> None:
+        self.pointed = pointed
+        self.read: dict[str, Any] = pointed.read
+        self.engine = pointed.turns
+        self.numbers = numbers
         self.columns = columns
         self.state = state
         self.own = own
@@ -367,6 +382,33 @@ class GamePointer:
         self.node = node
         self.previous = previous
         self.lives = lives
+        self.have_more = bytes(len(numbers))
+
+    def show(self, at: int) -> bool:
+        """Show the game at an index; return whether more may differ from the game before than turn, seed and nodes.
+
+        Raises:
+            IndexError: there is no game at this index.
+        """
+        pointed = self.pointed
+        is_other = self.point(at)
+        pointed.number = self.numbers[at]
+        self.engine.seed_changes += 1
+        if self.read:
+            self.read.clear()
+        if is_other or self.have_more[at] or pointed.shows_more:
+            self.show_more(at, is_other=is_other)
+            return True
+        return False
+
+    def show_more(self, at: int, *, is_other: bool) -> None:
+        """Show the values of a game that most games have as at the start.
+
+        Args:
+            at: the index of the game.
+            is_other: whether other agents live there than in the context.
+        """
+        raise NotImplementedError
 
     def point(self, game: int) -> bool:
         """Point the context at a game; return whether other agents live there than in the context.

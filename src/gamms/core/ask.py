@@ -10,7 +10,8 @@ from math import nan
 from typing import Any
 
 from gamms.core import travel
-from gamms.core.agents import MoveColumns, MovingAgents
+from gamms.core.agents import GamePointer, MoveColumns, MovingAgents
+from gamms.core.draws import TurnCounter
 from gamms.core.form import as_dict
 from gamms.core.sight import RangeSearch
 from gamms.core.travel import GoalPaths, PathsBySlot, ReachSearch, RoadEdges, TurnPaths
@@ -236,14 +237,6 @@ def point_at(points: list[Any], lengths: list[float], share: float) -> tuple[flo
     return x0, y0, 0.0, 0.0
 
 
-def hold(lists: list[list[Any]], value: object) -> bool:
-    """Return whether the first item of each list is an object."""
-    for one in lists:  # noqa: SIM110 - a generator costs as much as ten lists
-        if one[0] is not value:
-            return False
-    return True
-
-
 def sense_all(
     carried: tuple[SensorCall, ...], phase: Any, moment: Any, alike: Any, here: Any, legal: Any
 ) -> dict[Any, Any]:
@@ -385,4 +378,199 @@ def ask_each(
         mine = state.get("team_memory")
         if mine or (has_memories and one.team in shared):
             answers.note(i, mine)
+    return 0
+
+
+class GamesInContext:
+    """Shows games of a batch in a context one after the other, and calls functions there.
+
+    A subclass shows and takes what most functions neither read nor change.
+
+    Args:
+        pointed: the values of the context, with the attributes `number`, `read`, `rows`, `map` and `map_changes`; see
+            `game.cursor.pointed.PointedContext`.
+        phase: the phase of the context.
+        state: the state of all games: its `notice_interrupt` raises KeyboardInterrupt.
+        stop: (1,) not 0: Ctrl-C was pressed.
+        own: the attributes of the context; `_rng` is its random stream.
+        facts: the published facts of the game that is shown.
+
+    Attributes:
+        why: why the game leaves the batch that is shown; "": it does not.
+        row: what Python holds of it, as a `RowValues`; None: as at the start.
+        facts_shown: its facts before the function that is called.
+        core_facts: the key of each fact that the core knows, and its values in the games that are shown.
+        journal: records changes of agents.
+        table: counts the turns in which agents have drawn.
+        lasts: the last states of agents, and the last data of sensors, each a list of one item.
+        looks: this item, while no function has read it.
+        epoch: the epoch of the context when the function was called.
+        has_more: whether each game has values in Python that are not as at the start.
+    """
+
+    def __init__(
+        self, pointed: Any, phase: Any, state: Any, stop: memoryview[int], own: dict[str, Any], facts: dict[str, Any]
+    ) -> None:
+        self._pointed = pointed
+        self._read: dict[str, Any] = pointed.read
+        self._rows: list[Any] = pointed.rows
+        self._phase = phase
+        self._state = state
+        self._stop = stop
+        self._own_of_ctx = own
+        self._facts = facts
+        self.facts_shown: dict[str, Any] = facts
+        self.core_facts: list[tuple[str, list[Any]]] = []
+        self.why = ""
+        self.row: Any = None
+        self.journal: Any = None
+        self.table: TurnCounter
+        self.lasts: list[list[Any]] = []
+        self.looks: Any = None
+        self.epoch = -1
+        self.has_more = False
+
+    def show_more(self) -> None:
+        """Show the values in Python of a game that most games have as at the start."""
+        raise NotImplementedError
+
+    def take(self) -> None:
+        """Write what a function has read or changed into the columns of all games."""
+        raise NotImplementedError
+
+    def leave(self, what: str) -> None:
+        """Move the game to a context of its own; the argument says why, in words."""
+        raise NotImplementedError
+
+    def forget_asking(self) -> None:
+        """Undo the sensor calls of a function."""
+        raise NotImplementedError
+
+    def own_row(self) -> Any:
+        """Return what Python holds of the game that is shown; it is made if there is none."""
+        raise NotImplementedError
+
+    def show(self, games: GamePointer, at: int) -> bool:
+        """Show the game at an index; return whether more may differ from the game before than turn, seed and nodes."""
+        has_more = games.show(at) or self.has_more
+        row = self._rows[games.numbers[at]]
+        self.row = row
+        if not has_more and row is not None:
+            has_more = row.rng is not None or row.facts is not None or row.attributes is not None
+            has_more = has_more or bool(row.agent_facts) or bool(row.team_facts)
+        if has_more:
+            self.show_more()
+        for key, of_games in self.core_facts:
+            fact = of_games[at]
+            self._facts[key] = fact
+            self.facts_shown[key] = fact
+        return has_more
+
+    def has_changed(self) -> bool:
+        """Return whether a function has read or changed values that are taken."""
+        journal = self.journal
+        if self._own_of_ctx["_rng"] is not None or self._read or journal.log or journal.progressed:
+            return True
+        pointed = self._pointed
+        if self._phase.epoch != self.epoch or pointed.map.changes() != pointed.map_changes:
+            return True
+        return bool(self._facts != self.facts_shown)
+
+    def has_asked(self) -> bool:
+        """Return whether a function has called sensors."""
+        for last in self.lasts:  # noqa: SIM110 - a generator costs as much as ten lists
+            if last[0] is not self.looks:
+                return True
+        return False
+
+    def call_each(self, games: GamePointer, function: Any, args: tuple[Any, ...]) -> int:
+        """Call a function in each of these games, and take its changes.
+
+        Returns:
+            The number of games in which it was called: the last one leaves the batch if `why` says so.
+        """
+        for at in range(len(games.numbers)):
+            if self._stop[0]:
+                self._state.notice_interrupt()
+            self.show(games, at)
+            begun = self.table.begun
+            try:
+                try:
+                    function(*args)
+                finally:
+                    if not self.why and self.has_changed():
+                        self.take()
+                if self.table.begun != begun:
+                    self.leave("draws by the streams of agents")
+                if self.has_asked():
+                    self.forget_asking()
+            except Exception:
+                if not self.why:
+                    raise
+            if self.why:
+                return at + 1
+        return len(games.numbers)
+
+    def ask_agents(self, games: GamePointer, asker: Any, are_blocked: list[bool], places: list[int]) -> int:
+        """Ask agents in each of these games, and write the nodes to which they move to `asker.wanted`.
+
+        Args:
+            games: the games.
+            asker: says which agents are asked, and takes uncommon decisions; a `game.cursor.cursor.Cursor`.
+            are_blocked: whether conflicts have stopped agents in each game.
+            places: the place of each game in `asker.wanted`, (games * agents,).
+
+        Returns:
+            The number of games in which agents were asked: the last one leaves the batch if `why` says so.
+        """
+        wanted: memoryview[int] | None = asker.wanted
+        asks_anew: bool = asker.asks_anew
+        takes_all: bool = asker.takes_all
+        turns = self._pointed.turns
+        asked = None
+        for at in range(len(games.numbers)):
+            if self._stop[0]:
+                self._state.notice_interrupt()
+            if self.show(games, at) or asks_anew:
+                asked = asker.find_asked()
+            self.table.rekey(games.seeds[at])  # type: ignore[attr-defined] # it is a `DrawTable`
+            if asked is None:
+                continue
+            row = self.own_row() if self.row is None else self.row
+            told = asker.tell_blocked(asked) if are_blocked[at] or row.undone else ()
+            try:
+                memories = row.memories
+                for name, template in asked.templates:
+                    as_dict(template)["memory"] = memories[name]
+                answers = asker.ask(asked) if asks_anew else turns.decide(asked.order, asked.part)
+                is_common = not (answers.actions or answers.failures or answers.written or row.undone)
+                if takes_all or not is_common or answers.paths is not None:
+                    asker.take_decisions(answers, asked)
+                if wanted is not None:
+                    write_ends(answers, asked.places, wanted, places[at] * len(asked.places))
+            except Exception:
+                if not self.why:
+                    raise
+            for slot in told:
+                slot.set_blocked(None)
+            if self.why:
+                return at + 1
+        return len(games.numbers)
+
+
+def write_ends(answers: Any, slots: list[int], ends: memoryview[int], first: int) -> int:
+    """Write the nodes to which agents move, from an index on.
+
+    Args:
+        answers: the decisions of a part of a turn, as `core.turn.Answers`.
+        slots: the slot of each agent; -1: it is dead.
+        ends: receives the ids of the nodes.
+        first: the index of the first agent.
+    """
+    moves: MoveColumns | None = answers.moves
+    found = answers.ends
+    for i in range(len(slots)):
+        slot = slots[i]
+        if slot >= 0:
+            ends[first + i] = found[slot] if moves is None else moves.ends[slot]
     return 0

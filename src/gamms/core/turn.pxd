@@ -168,7 +168,7 @@ cdef class NodeConflicts
 
 
 cdef class GameTurn(TurnDriver):
-    cdef public object state, make_moves, near, asked_part, travel, order_now, whole
+    cdef public object _ctx, state, make_moves, near, asked_part, travel, order_now, whole
     cdef public object moves_of, checked, rules, collectors, groups
     cdef public NodeConflicts conflicting
     cdef public list observers
@@ -188,6 +188,8 @@ cdef class GameTurn(TurnDriver):
     cdef MoveColumns _begin_answers(self, object order, PartInCore asked)
     @cython.locals(unread=UnreadStates)
     cdef MoveColumns _ask_rest(self, object order, object rest)
+    @cython.locals(moving=MovingAgents)
+    cpdef list living(self)
     cpdef int play_decisions(self, i64 number) except -1
     @cython.locals(answers=Answers)
     cpdef ask(self, object order, object part, object observers, object paths=*)

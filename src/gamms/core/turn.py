@@ -844,6 +844,11 @@ class GameTurn(TurnDriver):
         self.whole: Any = None
         self.travel: Any
         self.answers: Any
+        self._ctx: Any
+
+    def order(self) -> Any:
+        """Return the agents in the order of a turn, dead or alive."""
+        raise NotImplementedError
 
     def _check(self, plan: TurnPlan) -> None:
         """Refuse to play a plan if a team is left out."""
@@ -998,6 +1003,22 @@ class GameTurn(TurnDriver):
     def skips_parts(self) -> bool:
         """Return whether a rule has ended the game."""
         return self.state.over is not None
+
+    def living(self) -> list[Any]:
+        """Return the living agents in the order of names."""
+        order = self.order_now
+        phase = self.phase
+        if order is None or phase.agent is None or not phase.is_deciding:
+            agents = self._ctx.agent
+            block = agents.block
+            if order is None or order.block is not block or order.entries != block.structure.entries:
+                if not block.has_teams:
+                    # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
+                    every = [agents.agents[name] for name in sorted(agents.agents)]
+                    return [one for one in every if one.alive]
+                order = self.order()
+        moving: MovingAgents = order.moving
+        return moving.living(order.agents_of(self._ctx.agent.agents) if order.agents is None else order.agents)
 
     def play_decisions(self, number: int) -> int:
         """Let the agents of a part of the turn observe and decide."""

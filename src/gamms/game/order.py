@@ -271,6 +271,7 @@ class TurnOrder:
 
     Attributes:
         slots, block: see the arguments.
+        agents: all agents, by slot; None: see `agents_of`.
         groups: the order of play.
         has_channels, has_deeds: whether the game has channels and deeds.
         whole: all agents.
@@ -295,7 +296,7 @@ class TurnOrder:
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_agents", "_ended", "block", "blocked", "groups", "has_channels"),
+        *("__dict__", "_ended", "agents", "block", "blocked", "groups", "has_channels"),
         *("acts", "conflicts", "has_deeds", "has_parts", "in_conflict", "in_rules", "may_be_refused", "moving"),
         *("parts", "plan", "ranked_by", "rows_version", "selection", "settings", "slots", "split"),
         *("entries", "unlisted", "unranked", "whole"),
@@ -311,7 +312,7 @@ class TurnOrder:
         self.slots = slots
         self.block = block
         self.settings = settings
-        self._agents: list[IAgent] | None = None
+        self.agents: list[IAgent] | None = None
         self.entries = block.structure.entries
         self.in_conflict = InConflict(None, None, None)
         self.plan: TurnPlan | None = None
@@ -372,17 +373,11 @@ class TurnOrder:
         found: Sequence[int] = self.moving.present(self.whole.members)
         return found
 
-    def living(self, ctx: HostContext) -> list[IAgent]:
-        """Return the agents of the order that are alive now, which the context has."""
-        every = self._agents
-        found: list[IAgent] = self.moving.living(self.agents_of(ctx.agent.agents) if every is None else every)
-        return found
-
     def agents_of(self, agents: Mapping[str, IAgent]) -> list[IAgent]:
         """Return all agents by slot, from agents by name; the same list at each call."""
-        if self._agents is None:
-            self._agents = [agents[name] for name in self.names]
-        return self._agents
+        if self.agents is None:
+            self.agents = [agents[name] for name in self.names]
+        return self.agents
 
     def all_teams(self) -> list[Any]:
         """Return the team of each agent, by slot."""

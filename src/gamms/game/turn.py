@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from operator import itemgetter
 from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -180,20 +179,6 @@ class TurnEngine(GameTurn):
         graph = self._ctx.graph.graph
         self.near = graph.neighborhoods
         self.revised = getattr(graph, "revised", graph)
-
-    def living(self) -> list[IAgent]:
-        """Return the living agents in the order of names."""
-        order = self.order_now
-        if order is None or not self.phase.is_deciding:
-            agents = self._ctx.agent
-            block = agents.block
-            if order is None or order.block is not block or order.entries != block.structure.entries:
-                if not block.has_teams:
-                    # NOTE: a changed set of agents requires no new order here, which costs more (decision 0057).
-                    return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
-                order = self.order()
-        living: list[IAgent] = order.living(self._ctx)
-        return living
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core.ask import hold
 from gamms.core.flight import TurnFlights
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
@@ -20,7 +19,7 @@ from gamms.game.block.columns import (
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import GameArrays
 from gamms.game.cursor.called_functions import CalledFunctions
-from gamms.game.cursor.pointed import PointedContext
+from gamms.game.cursor.pointed import GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame
 from gamms.game.decisions import Decisions
 from gamms.game.movement.courses import Routes
@@ -58,10 +57,19 @@ class Cursor:
         state: the state of all games.
         core: plays the games in the core.
         called: the functions that are called.
+
+    Attributes:
+        wanted: (games * agents,) the ids of nodes to which asked agents move; None: they go along routes.
+        asks_anew: whether each game may ask other agents than the game before, or ask them otherwise; see `ask`.
+        takes_all: whether all decisions of agents are taken, not only uncommon ones; see `take_decisions`.
     """
 
     _shown: ShownGame
     _has_begun = False
+    _find_asked: Callable[[], AskedAgents]
+    wanted: memoryview | None
+    asks_anew: bool
+    takes_all: bool
     _marks: dict[int, _StreamPositions]  # of games, while agents arrive
 
     def __init__(
@@ -132,29 +140,27 @@ class Cursor:
         self.release()
         return True
 
-    def _each(self, games: IntArray) -> Iterator[int]:
-        """Point the context at each of some games that have not left, and yield the index of the game."""
+    def _play(self, games: IntArray, play: Callable[[ShownGame, GamesToShow, IntArray], int]) -> None:
+        """Play those of some games that have not left, games with the same agents together.
+
+        Args:
+            games: the numbers of the games.
+            play: plays games from the first one on until one leaves; called with what shows them, the games, and their
+                indices; returns the number of games that it has played.
+        """
         state = self._state
         places = np.arange(len(games))
         if state.leaving:
             places = np.flatnonzero(~np.isin(games, [*state.leaving]))
-        facts = [(name, facts_of(state, games)) for name, facts_of in self._called.facts_in_core]
-        stop = state.stop.data
         while len(places):
             some = self._pointed.first_of(games[places])
-            at = 0
-            for at, place in enumerate(places[: len(some.numbers)].tolist()):
-                if stop[0]:
-                    state.notice_interrupt()
-                some.show(at)
-                self._shown.show(self._pointed.number)
-                for name, of_games in facts:
-                    self._shown.show_fact(name, of_games[place])
-                yield place
-                if self._shown.why:
-                    self._let_leave()
-                    break
-            places = places[at + 1 :]
+            numbers = np.array(some.numbers)
+            shown = self._shown
+            shown.core_facts = [(name, facts_of(state, numbers)) for name, facts_of in self._called.facts_in_core]
+            played = play(shown, some, places[: len(numbers)])
+            if shown.why:
+                self._let_leave()
+            places = places[played:]
 
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn, in each of these games."""
@@ -243,7 +249,7 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        self._call_each(partial(named.rule, self._ctx), games, what, part=part)
+        self._call_each(named.rule, games, self._ctx, what=what, part=part)
 
     def collect(self, games: IntArray) -> None:
         """Call the collectors in the games in which they are due."""
@@ -252,7 +258,7 @@ class Cursor:
         for every in self._called.periods:
             is_due |= turns % every == 0
         if is_due.any():
-            self._call_each(self._collect, games[is_due], "a collector")
+            self._call_each(self._collect, games[is_due], what="a collector")
 
     def _collect(self) -> None:
         row = self._shown.own_row()
@@ -267,13 +273,14 @@ class Cursor:
         return (self._parts.collectors if row is None or row.collectors is None else row.collectors).tables()
 
     def _call_each(
-        self, function: Callable[[], object], games: IntArray, what: str = "", *, part: int | None = None
+        self, function: Callable[..., object], games: IntArray, *args: object, what: str = "", part: int | None = None
     ) -> None:
         """Call a function while the context is pointed at each of these games in turn.
 
         Args:
             function: the function to call.
             games: the numbers of the games.
+            args: its arguments.
             what: the function in words, for errors; "": its errors name it themselves.
             part: the part of the turn in which agents are about to move; None: they are not.
         """
@@ -283,8 +290,8 @@ class Cursor:
         self._shown.part = part
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
-            for _ in self._each(games[self._pointed.by_population(games)]):
-                self._call(function)
+            ordered = games[self._pointed.by_population(games)]
+            self._play(ordered, lambda shown, some, _: shown.call_each(some, function, args))
         except Exception as error:
             if not self._have_left(games):
                 if what:
@@ -298,24 +305,6 @@ class Cursor:
             self._shown.part = None
         self._have_left(games)
         self._state.now.clear()
-
-    def _call(self, function: Callable[[], object]) -> None:
-        """Call a function in the current game, and store its changes."""
-        table = self._shown.ordered.table
-        begun = table.begun
-        try:
-            try:
-                function()
-            finally:
-                if not self._shown.why:
-                    self._shown.take()
-            if table.begun != begun:
-                self._shown.leave("draws by the streams of agents")
-            if not hold(self._shown.cached.lasts, self._shown.looks):
-                self._shown.forget_asking()
-        except Exception:
-            if not self._shown.why:
-                raise
 
     def _named(self) -> str:
         return f"In game {self._pointed.number} of a batch, with the seed {self._state.seeds[self._pointed.number]}."
@@ -354,40 +343,51 @@ class Cursor:
         places = self._pointed.by_population(view.games)
         games = view.games[places]
         are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
-        ends = list[int]()
-        decided = list[int]()
+        wanted = np.array(state.streets.ids_of(view.node), np.int64)
+        self.wanted = None if self._core.courses is not None else wanted.reshape(-1).data
+        if here is None:
+            self._find_asked = partial(self._find_living, agents.tobytes(), observing.tobytes())
+        else:
+            self._find_asked = partial(self._find_arriving, here, agents, observing)
         self._deeds = []
         if self._core.courses is not None:
             self._core.courses.routes.forget()
-        which = agents.tobytes(), observing.tobytes()
+
+        def ask(shown: ShownGame, some: GamesToShow, which: IntArray) -> int:
+            self.asks_anew = here is not None or len(shown.cached.notices) > 0
+            self.takes_all = not shown.cached.sees_world_only or self._chooses_more_than_nodes
+            blocked = [are_blocked[i] for i in which.tolist()]
+            return shown.ask_agents(some, self, blocked, places[which].tolist())
+
         with self._deciding(games):
-            for place in self._each(games):
-                number = self._pointed.number
-                self._shown.ordered.table.rekey(state.seeds[number])
-                if here is None:
-                    asked = self._shown.ordered.asked_of(*which, self._shown.block.alive.tobytes())
-                else:
-                    arriving, looking = [one[here[number, one]].tobytes() for one in (agents, observing)]
-                    asked = self._shown.new_asked(self._shown.ordered.order, arriving, looking, b"")
-                if not asked.part.observing:
-                    continue
-                told = self._tell_blocked(asked) if are_blocked[place] or self._shown.undone else ()
-                try:
-                    ends += self._ask(asked)
-                    decided.append(place)
-                except Exception:
-                    if not self._shown.why:
-                        raise
-                for slot in told:
-                    slot.set_blocked(None)
+            self._play(games, ask)
         if state.deed_log is not None and not self._core.arrival:
             state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
-        wanted = np.array(state.streets.ids_of(view.node))
-        wanted[places[decided]] = np.array(ends, np.int64).reshape(len(decided), len(agents))
         return view.action_to(wanted)
+
+    @property
+    def _chooses_more_than_nodes(self) -> bool:
+        """Whether agents of a game decide on more than nodes to move to."""
+        state = self._state
+        has_routes = state.flights is not None or self._core.courses is not None
+        return has_routes or state.deed_log is not None or state.radio is not None
+
+    def find_asked(self) -> AskedAgents | None:
+        """Return the agents that are asked in the current game; None: nobody is."""
+        asked = self._find_asked()
+        return asked if asked.part.observing else None
+
+    def _find_living(self, asked: bytes, observing: bytes) -> AskedAgents:
+        """Return the agents that are asked between two turns, given the numbers of these and of others that observe."""
+        return self._shown.ordered.asked_of(asked, observing, self._shown.block.alive.tobytes())
+
+    def _find_arriving(self, here: BoolArray, agents: IntArray, observing: IntArray) -> AskedAgents:
+        """Return the agents that arrive now, by a mask (games, agents), of those of these numbers."""
+        arriving, looking = [one[here[self._pointed.number, one]].tobytes() for one in (agents, observing)]
+        return self._shown.new_asked(self._shown.ordered.order, arriving, looking, b"")
 
     def note_given(self, view: ArrayView) -> None:
         """Record that agents got actions from outside."""
@@ -397,18 +397,17 @@ class Cursor:
             if row is not None:
                 row.undone.pop(names[view.agents[i]], None)
 
-    def _ask(self, asked: AskedAgents) -> list[int]:
-        """Return the nodes to which agents of the current game move."""
-        row = self._shown.own_row()
-        memories = row.memories
-        for name, template in asked.templates:
-            template["memory"] = memories[name]
-        if self._core.arrival is None:
-            for notice in self._shown.cached.notices:
-                notice.reset()
-            decisions = self._turns.decide(self._shown.ordered.order, asked.part)
-        else:
-            decisions = self._decide_at_arrival(asked)
+    def ask(self, asked: AskedAgents) -> Decisions:
+        """Return the decisions of agents of the current game that arrive, or whose sensors count their looks."""
+        if self._core.arrival is not None:
+            return self._decide_at_arrival(asked)
+        for notice in self._shown.cached.notices:
+            notice.reset()
+        decisions: Decisions = self._turns.decide(asked.order, asked.part)
+        return decisions
+
+    def take_decisions(self, decisions: Decisions, asked: AskedAgents) -> None:
+        """Store the decisions of agents of the current game, but for moves to nodes."""
         if not self._shown.cached.sees_world_only:
             self._take_what_sensors_change()
         if self._state.flights is not None:
@@ -416,14 +415,12 @@ class Cursor:
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         chooses = decisions.actions or decisions.paths is not None
-        if chooses or decisions.failures or decisions.written or row.undone:
-            self._take_decisions(decisions, asked)
+        if chooses or decisions.failures or decisions.written or self._shown.own_row().undone:
+            self._take_uncommon(decisions, asked)
         if self._state.deed_log is not None and decisions.actions:
             self._take_deeds(decisions, asked)
         if self._state.radio is not None:
             self._take_messages(self._state.radio, decisions, asked)
-        found = decisions.ends
-        return [found[i] for i in asked.places]
 
     def _decide_at_arrival(self, asked: AskedAgents) -> Decisions:
         """Return the decisions of agents that may have decided before in the same turn."""
@@ -463,8 +460,8 @@ class Cursor:
             if not routes.choose(self._pointed.number, self._shown.number_of[name], decisions, i):
                 self._shown.leave("chooses a route with an edge that it repeats")
 
-    def _take_decisions(self, decisions: Decisions, asked: AskedAgents) -> None:
-        """Store the decisions other than moves to nodes."""
+    def _take_uncommon(self, decisions: Decisions, asked: AskedAgents) -> None:
+        """Store turns of agents, and why actions failed."""
         paths = decisions.paths
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
             track = None if paths is None else paths.track(i)
@@ -529,14 +526,14 @@ class Cursor:
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
-    def _tell_blocked(self, asked: AskedAgents) -> list[Any]:
+    def tell_blocked(self, asked: AskedAgents) -> list[Any]:
         """Set the reasons why agents failed to act in their last turns; return their slots."""
         state = self._state
         told = []
         slots = self._shown.ordered.order.slots
         numbers = self._shown.number_of
         number = self._pointed.number
-        undone = self._shown.undone
+        undone = self._shown.own_row().undone
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
             if self._core.arrival is not None:

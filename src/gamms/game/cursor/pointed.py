@@ -213,14 +213,13 @@ class RowValues:
         """Return copies of what goes back with a turn that is taken back: all but what functions have written."""
         collected = None if self.collectors is None else self.collectors.snapshot()
         looks = {which: {**of_turns} for which, of_turns in self.delayed_looks.items()}
-        return (
-            *(self.attributes, collected, looks, {**self.departed}),
-            *(self.moved, self.population, deepcopy(self.rng), {**self.undone}),
-        )
+        rng = None if self.rng is None else deepcopy(self.rng)
+        agents = self.attributes, self.moved, self.population
+        return (*agents, collected, looks, {**self.departed}, rng, {**self.undone})
 
     def take_back(self, values: tuple[Any, ...]) -> None:
         """Set what `turn_values` has returned; what functions have written themselves stays."""
-        attributes, collected, self.delayed_looks, self.departed, self.moved, population, self.rng, self.undone = values
+        attributes, self.moved, population, collected, self.delayed_looks, self.departed, self.rng, self.undone = values
         if population is not self.population:
             self.attributes = attributes
             self.population = population
@@ -280,7 +279,7 @@ class Population:
         return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
 
 
-class GamesToShow:
+class GamesToShow(GamePointer):
     """Shows games with the same agents in a context, one after the other.
 
     Args:
@@ -288,32 +287,31 @@ class GamesToShow:
         state: the state of all games.
         population: the agents of these games.
         games: the numbers of the games.
-
-    Attributes:
-        numbers: the numbers of the games.
     """
 
     def __init__(self, pointed: "PointedContext", state: GameArrays, population: Population, games: IntArray) -> None:
-        self.numbers: list[int] = games.tolist()
-        self._pointed = pointed
+        numbers: list[int] = games.tolist()
+        agents = population.numbers
+        self._alive = state.alive[games][:, agents]
+        values, own = pointed.shown_in
+        node, previous = _nodes_of(state, population, games)
+        turns: list[int] = state.turn[games].tolist()
+        seeds = [state.seeds[number] for number in numbers]
+        lives = self._alive.view(np.uint8).reshape(-1).data
+        super().__init__(pointed, numbers, population.block, values, own, turns, seeds, node, previous, lives)
+        self._context = pointed
         self._state = state
         self._population = population
-        self._block = population.block
-        self._headings = state.headings
-        agents = population.numbers
-        seeds = [state.seeds[number] for number in self.numbers]
-        self._alive = state.alive[games][:, agents]
-        columns = _nodes_of(state, population, games), self._alive.view(np.uint8).reshape(-1).data
-        self._turns = pointed.turns
-        self._pointer = pointed.pointer(population, state.turn[games].tolist(), seeds, *columns)
         self._columns = [(name, column[games][:, agents]) for name, column in state.numbers.items()]
         self._placed = self._placed_in(games)
-        self._are_placed = np.any(self._placed, axis=1).tolist()
+        self._are_placed = np.any(self._placed, axis=1)
         self._flies = len(population.rows_in_air) > 0
         self._remembers = state.movement.depends_on_speeds
         self._are_closed = state.roads.are_closed
         is_other = self._flies or self._remembers or self._are_closed or not pointed.reads_rows
-        self._have_more = is_other or len(self._columns) > 0 or any(self._are_placed)
+        has_more = np.full(len(numbers), is_other or len(self._columns) > 0) | self._are_placed
+        has_more[[at for at, number in enumerate(numbers) if state.headings[number]]] = True
+        self.have_more = has_more.tobytes()
 
     def _placed_in(self, games: IntArray) -> BoolArray:
         """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
@@ -321,31 +319,16 @@ class GamesToShow:
         placed[:, self._state.flyers] &= ~self._state.has_flown[games]
         return placed
 
-    def show(self, at: int) -> None:
-        """Show a game, given its index."""
-        pointed = self._pointed
+    def show_more(self, at: int, *, is_other: bool) -> None:
+        """Show the columns of a game that in most games are as at the start."""
+        pointed = self._context
+        state = self._state
+        block = self._population.block
         number = self.numbers[at]
-        pointed.number = number
-        if pointed.read:
-            pointed.read.clear()
         if pointed.population is not self._population:
             pointed.show(self._population)
-        self._turns.seed_changes += 1
-        if self._pointer.point(at):
+        if is_other:
             pointed.show_lives(bytes(self._alive[at]))
-        if (
-            self._have_more
-            or pointed.roads is not None
-            or self._block.placed
-            or self._headings[number] != pointed.headings
-        ):
-            self._show_more(at, number)
-
-    def _show_more(self, at: int, number: int) -> None:
-        """Show the columns of a game that in most games are as at the start."""
-        pointed = self._pointed
-        state = self._state
-        block = self._block
         pointed.show_row(number)
         if self._flies or state.headings[number] != pointed.headings:
             pointed.show_poses(number)
@@ -359,6 +342,7 @@ class GamesToShow:
             show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
         if self._are_closed or pointed.roads is not None:
             pointed.show_roads(state.roads.of(number))
+        pointed.shows_more = pointed.roads is not None or bool(block.placed) or bool(state.headings[number])
 
 
 def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[memoryview, memoryview]:
@@ -386,6 +370,9 @@ class PointedContext:
         headings: the headings that differ from the start, by the numbers of agents; None: unknown.
         alive: whether each agent of the context lives, by row, as bytes; empty: unknown.
         reads_rows: whether the state of the context reads fields from rows; see `PointedState`.
+        shown_in: the state and the attributes of the context.
+        shows_more: whether the context may show more of a game that is not as at the start than its turn, seed, nodes
+            and living agents; the next game that is shown changes this, too.
         turns: the turn engine of the context.
         map: the storage of the map of the context.
         roads: the open roads that are shown; None: those of the start.
@@ -406,7 +393,8 @@ class PointedContext:
         self._start = values.start
         self.rows: list[RowValues | None] = [None] * len(state)
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
-        self._own = vars(game.ctx)
+        self.shown_in = values, vars(game.ctx)
+        self.shows_more = True
         self.turns = game.internals.parts.turns
         self.map = game.ctx.graph.storage
         self.alive = b""
@@ -518,6 +506,7 @@ class PointedContext:
         self.population = population
         self.alive = b""
         self.headings = None
+        self.shows_more = True
 
     @property
     def first(self) -> Population:
@@ -589,18 +578,8 @@ class PointedContext:
             some = games[: len(alike)]
         found = population or self._first
         self._drop_changes(found)
+        self.shows_more = True
         return GamesToShow(self, self._state, found, some)
-
-    def pointer(
-        self,
-        population: Population,
-        turns: list[int],
-        seeds: list[int],
-        nodes: tuple[memoryview, memoryview],
-        lives: memoryview,
-    ) -> GamePointer:
-        """Return what shows games in the context; see `GamePointer`."""
-        return GamePointer(population.block, self._game.internals.state, self._own, turns, seeds, *nodes, lives)
 
     def _drop_changes(self, population: Population) -> None:
         """Undo what a function that has raised has changed of the map and the agents of the context."""
@@ -641,6 +620,7 @@ class PointedContext:
     def _note_map(self, roads: RoadMap | None) -> None:
         self.roads = roads
         self.map_changes = self.map.changes()
+        self.shows_more = True
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
         """Close or open roads in some games.

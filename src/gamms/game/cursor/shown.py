@@ -1,6 +1,6 @@
 """The game of a batch that a context shows: what functions read is read there, and their changes are taken from it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple, NoReturn
@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.random import Generator
 
+from gamms.core.ask import GamesInContext
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.game.block.columns import (
@@ -52,12 +53,14 @@ class AskedAgents(NamedTuple):
     """Agents that are asked, some of which may be dead.
 
     Attributes:
+        order: the order of all agents.
         part: the living ones, as a part of a turn.
         places: the slot of each agent; -1: it is dead.
         members: the slots and names of the living ones.
         templates: the names of the living ones, and their states.
     """
 
+    order: TurnOrder
     part: TurnPart
     places: list[int]
     members: list[tuple[int, str]]
@@ -158,7 +161,7 @@ class _Attributes:
             agent.__dict__ = own
 
 
-class ShownGame:
+class ShownGame(GamesInContext):
     """The game of a batch that a context shows, and what functions change in it.
 
     The context has one set of agents. They show the game that it is pointed at. If a plain function reads what a
@@ -173,19 +176,20 @@ class ShownGame:
         called: the functions that are called.
 
     Attributes:
-        why: why the game leaves that is shown; "": it does not.
         number_of: name -> the number of the agent in the roster.
-        block, journal: the agents of the game, and what functions change of them.
+        block: the agents of the game.
         cached: values derived from the agents.
         ordered: the order of the agents.
-        looks: what agents have sensed, while no function asks them.
         part: the part of the turn in which agents are about to move; None: they are not.
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
     """
 
-    block: AgentBlock
+    _pointed: PointedContext
+    _state: GameArrays
+    row: RowValues | None
     journal: Journal
+    block: AgentBlock
     cached: _PopulationCaches
     ordered: _OrderInGames
 
@@ -194,17 +198,14 @@ class ShownGame:
     ) -> None:
         parts = game.internals.parts
         values = parts.state
+        super().__init__(pointed, phase_of(game.ctx), state, state.stop.data, vars(game.ctx), values.facts)
         self._game = game
-        self._pointed = pointed
-        self._state = state
         self._core = core
         self._called = called
         self._ctx = game.ctx
         self._parts = parts
         self._turns = parts.turns
         self._values = values
-        self._phase = phase_of(game.ctx)
-        self.why = ""
         self.part: int | None = None
         self.have_joined = False
         self.has_ended = False
@@ -216,19 +217,16 @@ class ShownGame:
         self._take_shown()
         self._turns.note_departed()
         self._first_data = {key: one for key, one in values.data.items() if key not in called.core_keys}
-        self._facts = values.facts
         self._first_facts = dict(self._facts)
-        self._own_of_ctx = vars(self._ctx)
         self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
-        self._row: RowValues | None = None  # of the game that is shown
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
-        self._facts_shown = self._first_facts
+        self.facts_shown = self._first_facts
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
         self._is_public = True  # whether that is the order of agents that know the same facts
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
-        self._read = pointed.read
+        self.has_more = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
         self._kept_start = values.start
         self._begin()
         self._fixed = self._what_is_fixed()
@@ -293,7 +291,7 @@ class ShownGame:
     def _note_epoch(self) -> None:
         """Note the agents and settings of the context: only functions that run from now on have changed them."""
         phase = self._phase
-        self._epoch = phase.epoch
+        self.epoch = phase.epoch
         self._changes = phase.strategy_changes, phase.sensor_changes
 
     def _take_shown(self) -> None:
@@ -304,6 +302,7 @@ class ShownGame:
         self._agents = population.agents.members
         self.journal = population.journal
         self.cached = self._caches_of(population)
+        self.lasts = self.cached.lasts
         self._alive = None
         self._attributes.shown = []  # unknown
         self.forget_looks()
@@ -334,16 +333,14 @@ class ShownGame:
         for last in self.cached.lasts:
             last[0] = self.looks
 
-    def show(self, number: int) -> None:
+    def show_more(self) -> None:
         """Show the values in Python of the game that the context is pointed at."""
         pointed = self._pointed
-        row = pointed.rows[number]
         if pointed.population is not self._population:
             self._take_shown()
         for own in self._called.own_functions:
-            own.number = number
-        if row is not None or self._row is not None or not self._attributes.are_shared:
-            self._show_row(number, row)
+            own.number = pointed.number
+        self._show_row()
         if self._alive is None:
             self._take_order()
         elif pointed.alive != self._alive:
@@ -353,14 +350,14 @@ class ShownGame:
             self._show_inboxes()
         if self._attributes.shown is not self._attributes.now:
             self._attributes.show(self._agents)
-        if self._phase.epoch != self._epoch:
+        if self._phase.epoch != self.epoch:
             self._note_epoch()
 
-    def _show_row(self, number: int, row: RowValues | None) -> None:
-        """Show what Python holds of a game; None: as at the start."""
+    def _show_row(self) -> None:
+        """Show what Python holds of the game."""
+        row = self.row
         if row is None and not self._attributes.are_shared:
-            row = self._pointed.row_of(number)
-        self._row = row
+            row = self.own_row()
         self._own_of_ctx["_rng"] = None if row is None else row.rng
         is_public = row is None or not (row.agent_facts or row.team_facts)
         if is_public != self._is_public:
@@ -370,6 +367,8 @@ class ShownGame:
         if facts is not self._facts_own:
             self._show_facts(facts)
         self._attributes.take_row(row)
+        if row is not None and not (row.rng is None and facts is None and row.attributes is None and is_public):
+            self._pointed.shows_more = True
 
     def _show_inboxes(self) -> None:
         """Show the inboxes of the agents of a game."""
@@ -378,38 +377,29 @@ class ShownGame:
             row.inboxes = Inboxes(self._ctx, self._values)
         self._turns.inboxes = row.inboxes
 
-    @property
-    def undone(self) -> Mapping[str, str]:
-        """Agent -> the reasons other than conflicts why its last action in the game failed."""
-        row = self._pointed.rows[self._pointed.number]
-        return self._pointed.at_start.undone if row is None else row.undone
-
     def own_row(self) -> RowValues:
         """Return what Python holds of the game that the context is pointed at; it is made if there is none."""
-        row = self._pointed.row_of(self._pointed.number)
-        self._row = row
+        row: RowValues = self._pointed.row_of(self._pointed.number)
+        self.row = row
         return row
-
-    def show_fact(self, name: str, fact: object) -> None:
-        """Show a fact that the core knows of the game."""
-        self._facts[name] = fact
-        self._facts_shown[name] = fact
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
         """Show the facts of a game; None: the facts published before the batch."""
         self._facts_own = own
-        self._facts_shown = self._first_facts if own is None else own
+        self.facts_shown = self._first_facts if own is None else own
         self._facts.clear()
-        self._facts.update(self._facts_shown)
+        self._facts.update(self.facts_shown)
 
     def _own_attributes(self) -> None:
         """Give the game its own attributes before one is read that may change in place."""
         self._attributes.part_from_others(self.own_row(), self._agents)
+        self._pointed.shows_more = True
 
     def _take_order(self) -> None:
         """Use the turn order of the agents of the game, and let the living ones take part."""
         self._alive = self._pointed.alive
         self.ordered = self.cached.order_of(self._is_public)
+        self.table = self.ordered.table
         self._turns.take_order(self.ordered.order)
         self.ordered.order.take_lives()
 
@@ -443,7 +433,7 @@ class ShownGame:
         if others:
             part.let_observe(others)
         templates = [(name, order.slots[i].template) for i, name in members]
-        return AskedAgents(part, places, members, templates)
+        return AskedAgents(order, part, places, members, templates)
 
     # -- fields that are made when they are read -----------------------------------------------------------------------
 
@@ -556,7 +546,7 @@ class ShownGame:
     def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
         """Return the moves of the agents that took part."""
         population = self._population
-        moved = None if self._row is None else self._row.moved
+        moved = None if self.row is None else self.row.moved
         if moved is not None and moved[0] == self._moment:
             population = moved[1]
         order = self._order_of(population)
@@ -599,24 +589,28 @@ class ShownGame:
     # -- what functions change -----------------------------------------------------------------------------------------
 
     def take(self) -> None:
-        """Write the changes of a game into the columns; the game leaves if they are of values that all games share."""
+        """Write the changes of a game into the columns; the game leaves if they are of values that all games share.
+
+        See `has_changed`.
+        """
         journal = self.journal
         phase = self._phase
         rng = self._own_of_ctx["_rng"]
         if rng is not None:
             self._take_rng(rng)
-        is_other = phase.epoch != self._epoch
+        is_other = phase.epoch != self.epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
-        block = self.block
-        if journal.log or journal.progressed or are_changed:
-            block = self._take_agents(journal)
+        have_changed = bool(journal.log or journal.progressed or are_changed)
+        have_facts = self._facts != self.facts_shown
+        self._pointed.shows_more = self._pointed.shows_more or is_other or have_changed or have_facts or rng is not None
+        block = self._take_agents(journal) if have_changed else self.block
         if self._read:
             self._take_logs(self._read)
         if self._pointed.map.changes() != self._pointed.map_changes:
             self._take_roads()
         for name in _NUMBERS:
             self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
-        if self._facts != self._facts_shown:
+        if have_facts:
             self._take_facts()
         if is_other and self._what_is_fixed() != self._fixed:
             self.leave("changes settings, rules or collectors")
@@ -746,13 +740,13 @@ class ShownGame:
 
     def _take_facts(self) -> None:
         """Store the facts that a rule has published in a game."""
-        known = self._facts_shown
+        known = self.facts_shown
         now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         facts = dict(now)
         self.own_row().facts = facts
         self._facts_own = facts
-        self._facts_shown = facts
+        self.facts_shown = facts
         if changed & self._called.core_keys:
             self.leave("publishes facts of rules in the core")
         if self._called.has_array_functions:
