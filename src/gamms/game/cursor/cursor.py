@@ -154,10 +154,10 @@ class Cursor:
             places = np.flatnonzero(~np.isin(games, [*state.leaving]))
         while len(places):
             some = self._pointed.first_of(games[places])
-            numbers = np.array(some.numbers)
+            which = places[: len(some.numbers)]
             shown = self._shown
-            shown.core_facts = [(name, facts_of(state, numbers)) for name, facts_of in self._called.facts_in_core]
-            played = play(shown, some, places[: len(numbers)])
+            shown.core_facts = [(name, facts_of(state, games[which])) for name, facts_of in self._called.facts_in_core]
+            played = play(shown, some, which)
             if shown.why:
                 self._let_leave()
             places = places[played:]

@@ -292,11 +292,11 @@ class GamesToShow(GamePointer):
     def __init__(self, pointed: "PointedContext", state: GameArrays, population: Population, games: IntArray) -> None:
         numbers: list[int] = games.tolist()
         agents = population.numbers
-        self._alive = state.alive[games][:, agents]
+        self._alive = state.alive[games].take(agents, axis=1)
         values, own = pointed.shown_in
         node, previous = _nodes_of(state, population, games)
         turns: list[int] = state.turn[games].tolist()
-        seeds = [state.seeds[number] for number in numbers]
+        seeds = [*map(state.seeds.__getitem__, numbers)]
         lives = self._alive.view(np.uint8).reshape(-1).data
         super().__init__(pointed, numbers, population.block, values, own, turns, seeds, node, previous, lives)
         self._context = pointed
@@ -310,7 +310,9 @@ class GamesToShow(GamePointer):
         self._are_closed = state.roads.are_closed
         is_other = self._flies or self._remembers or self._are_closed or not pointed.reads_rows
         has_more = np.full(len(numbers), is_other or len(self._columns) > 0) | self._are_placed
-        has_more[[at for at, number in enumerate(numbers) if state.headings[number]]] = True
+        headings = [*map(state.headings.__getitem__, numbers)]
+        if any(headings):
+            has_more |= [*map(bool, headings)]
         self.have_more = has_more.tobytes()
 
     def _placed_in(self, games: IntArray) -> BoolArray:
@@ -347,7 +349,8 @@ class GamesToShow(GamePointer):
 
 def _nodes_of(state: GameArrays, population: Population, games: IntArray) -> tuple[memoryview, memoryview]:
     """Return the numbers of the current and of the previous nodes of agents in some games, (games * agents,)."""
-    both = np.array([column[games][:, population.numbers] for column in (state.node, state.previous)], np.int64)
+    agents = population.numbers
+    both = np.array([column[games].take(agents, axis=1) for column in (state.node, state.previous)], np.int64)
     ids = np.ascontiguousarray(state.streets.ids_of(both), np.int64)
     population.block.numbers.write(ids.reshape(-1).data, both.reshape(-1).data)
     node, previous = (column.reshape(-1).data for column in both)
