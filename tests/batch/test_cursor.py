@@ -78,6 +78,39 @@ def test_facts_that_are_published_for_functions_of_arrays_are_those_of_their_gam
         check(ctx, stays=False)
 
 
+def draw(ctx):
+    ctx.game.scores["drawn"] += int(ctx.rng.integers(1 << 20))
+
+
+OF_ONE = {
+    "heading": (lambda ctx, one: setattr(one, "orientation", (0.6, 0.8)), lambda _, one: one.orientation),
+    "place": (lambda _, one: setattr(one, "current_node_id", 12), lambda _, one: one.current_node_id),
+    "life": (lambda _, one: setattr(one, "alive", False), lambda ctx, _: [agent.name for agent in ctx.game.agents]),
+    "attribute": (lambda _, one: setattr(one, "mark", 1), lambda _, one: getattr(one, "mark", None)),
+    "draws": (lambda ctx, _: draw(ctx), lambda ctx, _: draw(ctx) if ctx.game.turn > 6 else None),
+    "fact": (lambda ctx, _: ctx.game.publish(mark=1), lambda ctx, _: [*ctx.game.facts.items()]),
+    "own fact": (
+        lambda ctx, one: ctx.game.publish(to=one, mark=1),
+        lambda ctx, _: [*ctx.game.facts_of("red_1").items()],
+    ),
+    "road": (lambda ctx, _: ctx.graph.close_roads([0]), lambda ctx, _: ctx.graph.closed_roads),
+}
+"""Name -> a function that changes a value of a game, and one that reads it; both get an agent."""
+
+
+@pytest.mark.parametrize(("change", "read"), OF_ONE.values(), ids=OF_ONE)
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_what_one_game_alone_shows_is_not_shown_in_the_next(change, read, seed):
+    def act(ctx):
+        if ctx.seed == seed and ctx.game.turn == 3:
+            change(ctx, ctx.agent.get_agent("red_1"))
+        ctx.game.scores["seen"] += zlib.crc32(repr(read(ctx, ctx.agent.get_agent("red_1"))).encode()) % 1009
+
+    with build() as ctx:
+        ctx.game.add(act)
+        check(ctx, seeds=(1, 2, 3, 4, 5))
+
+
 def test_strategies_look_ahead_in_copies_of_their_games():
     def look_ahead(state):
         game = state["fork"](state["turn"]).game
