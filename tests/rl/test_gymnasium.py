@@ -1,5 +1,7 @@
 """Environments in the hands of Gymnasium: how it makes vectors of them, wraps them, and counts episodes."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -231,3 +233,57 @@ def test_gymnasium_records_videos_of_game_0(tmp_path):
         env.step(np.zeros(2, np.int64))
     env.close()
     assert len([*(tmp_path / "videos").glob("*.mp4")]) > 1
+
+
+@pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP", "DISABLED"])
+def test_infos_have_the_length_and_the_return_of_each_life(mode):
+    games = rl.vector_env(scene(), num_games=4, team="blue", reward=one_each_turn, autoreset_mode=mode)
+    games.reset(seed=1)
+    lengths = []
+    for _ in range(150):
+        *_, terminated, truncated, infos = games.step(np.zeros(20, np.int64))
+        ends = terminated | truncated
+        assert ("life" in infos) == ends.any()
+        if ends.any():
+            assert np.array_equal(infos["_life"], ends)
+            assert np.array_equal(infos["life"]["r"], infos["life"]["l"])
+            assert (infos["life"]["l"][ends] > 0).all()
+            assert not infos["life"]["l"][~ends].any()
+            lengths += infos["life"]["l"][ends].tolist()
+        is_over = games.unwrapped.learners.is_over
+        if mode == "DISABLED" and is_over.any():
+            games.reset(options={"reset_mask": np.repeat(is_over, 5)})
+    assert len(lengths) > 40
+    assert len({*lengths}) > 10
+    assert max(lengths) <= 40
+
+
+def test_lives_begin_anew_where_games_are_reset_and_go_on_in_copies():
+    games = rl.vector_env(scene(), num_games=2, team="blue", reward=one_each_turn)
+
+    def play(env, turns):
+        """Return the lengths of lives by slot, 0 where none ends, for each turn."""
+        infos = [env.step(np.zeros(10, np.int64))[-1] for _ in range(turns)]
+        return [one["life"]["l"].tolist() if "life" in one else [0] * 10 for one in infos]
+
+    games.reset(seed=1)
+    whole = play(games, 30)
+    games.reset(seed=1)
+    begun = play(games, 7)
+    twin = pickle.loads(pickle.dumps(games))
+    assert begun + play(twin, 23) == whole
+    assert begun + play(games, 23) == whole
+    games.close()
+    twin.close()
+
+
+def test_infos_say_on_which_map_games_are():
+    maps = [{"grid": {"width": 4, "height": 3}}, {"grid": {"width": 2, "height": 7}}]
+    games = rl.vector_env(scene(), num_games=6, team="blue", maps=maps)
+    _, infos = games.reset(seed=1)
+    assert len({*infos["map"].tolist()}) == 2
+    for _ in range(60):
+        assert infos["map"].tolist() == np.repeat(games.unwrapped.learners.games.maps, 5).tolist()
+        assert [maps[number] for number in infos["map"]] == infos["map_spec"].tolist()
+        *_, infos = games.step(np.zeros(30, np.int64))
+    games.close()

@@ -60,7 +60,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
         found = self._columns()
-        return self._interface.given(found), mask_in(found) | self._opponents()
+        return self._interface.given(found), mask_in(found) | self._drawn()
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; after an illegal action the agent stays, and `info["is_legal"]` is False."""
@@ -68,7 +68,7 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         was_legal = bool(are_legal(self.learners, heads)[0, 0])
         played = self.learners.step(*heads)
         found = self._columns()
-        infos = {**mask_in(found), **self._opponents(), "is_legal": was_legal}
+        infos = {**mask_in(found), **self._drawn(), "is_legal": was_legal}
         is_out = bool(played.terminated[0, 0])
         is_late = bool(played.truncated[0, 0])
         return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
@@ -86,8 +86,8 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         """Close the game."""
         self.learners.close()
 
-    def _opponents(self) -> Infos:
-        return {key: column[0] for key, column in self.learners.opponents.items()}
+    def _drawn(self) -> Infos:
+        return {key: column[0] for key, column in self.learners.drawn.items()}
 
     def _columns(self) -> Columns:
         return {key: column[0, 0] for key, column in self._interface.columns().items()}
@@ -118,7 +118,9 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     Slot `game * agents + agent`. The slots of a game are reset together. A slot is `terminated` when its agent goes
     out, and not again when its game ends: until the game is reset, the slot waits. While it waits its reward is 0, its
-    only legal action is to stay, and `infos["valid"]` is False.
+    only legal action is to stay, and `infos["valid"]` is False. When a slot is terminated or truncated, `infos["life"]`
+    has the sum of its rewards, `r`, and the number of turns in which its agent took part, `l`; `infos["_life"]` says
+    which slots have ended. (An episode in the sense of Gymnasium's wrappers includes the turns for which a slot waits.)
 
     Args:
         interface: the interface of learners in the games.
@@ -134,7 +136,10 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         num_agents: the number of learning agents in each game.
     """
 
-    _own = "spec", "observation_space", "action_space", "single_observation_space", "single_action_space"
+    _own = (
+        *("spec", "observation_space", "action_space", "single_observation_space", "single_action_space"),
+        *("_returns", "_lengths"),
+    )
 
     def __init__(
         self,
@@ -154,6 +159,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         self._everyone = np.arange(self.num_agents)
         self.num_games = len(learners.games) if num_games is None else num_games
         self.num_envs = self.num_games * self.num_agents
+        self._returns: FloatArray = np.zeros(self.num_envs)  # of the lives so far
+        self._lengths: IntArray = np.zeros(self.num_envs, np.int64)
         refuse_mixed(learners, range(self.num_agents), "vector_env")
         self.single_observation_space = interface.observation_space()
         self.single_action_space = interface.action_space()
@@ -178,7 +185,10 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         if options is not None and "reset_mask" in options:
             which = self._named_by(options["reset_mask"])
         found, alive = self._begin(which, seeds)
-        return self._interface.given(found), _infos(found, alive) | self._opponents()
+        is_other = np.ones(self.num_games, np.bool_)
+        is_other[which] = False
+        self._go_on_with(np.repeat(is_other, self.num_agents))
+        return self._interface.given(found), _infos(found, alive) | self._drawn()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
         """Play a turn of all games, and reset finished games as `autoreset_mode` says.
@@ -195,16 +205,32 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 f"Game {int(self._over().argmax())} has ended: call reset(options={{'reset_mask': terminated | "
                 "truncated}) before step()."
             )
-        opponents = self._opponents()
+        drawn = self._drawn()
         turn = self._play(actions)
         ends = turn.terminated | turn.truncated
         infos = Infos()
         if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
-            final = _infos(turn.last, turn.valid) | opponents
+            final = _infos(turn.last, turn.valid) | drawn
             infos = {"final_obs": self._interface.given(turn.last), "final_info": final}
             infos |= {"_final_obs": ends, "_final_info": ends.copy()}
-        infos |= _infos(turn.now, turn.valid) | self._opponents()
+        infos |= self._lives(turn, ends)
+        infos |= _infos(turn.now, turn.valid) | self._drawn()
         return self._interface.given(turn.now), turn.rewards, turn.terminated, turn.truncated, infos
+
+    def _lives(self, turn: SlotsTurn, ends: BoolArray) -> Infos:
+        """Add a turn to the lives of agents; return the infos of those that end, (slots,)."""
+        self._returns = self._returns + turn.rewards
+        self._lengths = self._lengths + turn.valid
+        if not ends.any():
+            return {}
+        life = {"r": np.where(ends, self._returns, 0.0), "l": np.where(ends, self._lengths, 0)}
+        self._go_on_with(~ends)
+        return {"life": life, "_life": ends.copy()}
+
+    def _go_on_with(self, going: BoolArray) -> None:
+        """Begin the lives of slots anew, except of those that go on, (slots,)."""
+        self._returns = self._returns * going
+        self._lengths = self._lengths * going
 
     def action_masks(self) -> BoolArray:
         """Return a mask of legal actions, (slots, actions)."""
@@ -228,9 +254,9 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     # -- inside: methods that `ProcessesEnv` overrides ----------------------------------------------------------
 
-    def _opponents(self) -> Infos:
-        """Return the opponents that teams with a pool have drawn, (slots,)."""
-        return {key: np.repeat(column, self.num_agents) for key, column in self.learners.opponents.items()}
+    def _drawn(self) -> Infos:
+        """Return what the games have drawn by their seeds, (slots,); see `Learners`."""
+        return {key: np.repeat(column, self.num_agents) for key, column in self.learners.drawn.items()}
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
         """Reset games, by their numbers; return the observations, and whether agents are alive, (slots,)."""

@@ -97,8 +97,8 @@ class Learners:
         has_begun: whether games have begun; before that, environments play no turn.
         stride: the number of games, including those of other processes.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
-        opponents: "opponent.<team>" -> (games,) the name of the member that the team has drawn, for each other team
-            that plays a pool.
+        drawn: what each game has drawn by its seed, for infos, each (games,): "opponent.<team>", the name of the member
+            of each other team that plays a pool; and with several maps "map" and "map_spec", see `ArrayView`.
 
     Raises:
         UnknownName (KeyError): a team does not exist.
@@ -175,8 +175,14 @@ class Learners:
                 )
         self.agent = agent
         self._pools = {team: pool for team, pool in self._pools.items() if team not in self.teams}
-        self.opponents = {f"opponent.{team}": np.full(len(self.games), None, object) for team in self._pools}
         views = self._views(0)
+        objects = [f"opponent.{team}" for team in self._pools]
+        self.drawn: dict[str, np.ndarray[Any, Any]] = {}
+        if self.games.num_maps > 1:
+            self.drawn["map"] = np.zeros(len(self.games), np.int64)
+            objects.append("map_spec")
+        self.drawn |= {key: np.full(len(self.games), None, object) for key in objects}
+        self._specs = [self._views(number)[0].map_spec for number in range(self.games.num_maps)]
         self.num_actions = self._most_actions()
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
@@ -389,8 +395,12 @@ class Learners:
         """Begin games again, with these seeds."""
         self._refuse_closed()
         self.games.reset(which, seeds=seeds)
-        for (team, pool), column in zip(self._pools.items(), self.opponents.values(), strict=True):
-            column[which] = [pool.names[pool.draw(seed, team)] for seed in seeds]
+        for team, pool in self._pools.items():
+            self.drawn[f"opponent.{team}"][which] = [pool.names[pool.draw(seed, team)] for seed in seeds]
+        if "map" in self.drawn:
+            self.drawn["map"][which] = self.games.maps[which]
+            for game in which.tolist():
+                self.drawn["map_spec"][game] = self._specs[self.games.maps[game]]
         self.has_begun = True
         self._prefix.begin(which)
         self._maps = self._list_maps()

@@ -93,8 +93,8 @@ class ProcessesEnv(GamesEnv):
         key = f"{_OBSERVED}action_mask"
         return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
 
-    def _opponents(self) -> dict[str, Any]:
-        """Return nothing: opponents are drawn in the processes."""
+    def _drawn(self) -> dict[str, Any]:
+        """Return nothing: games draw in their processes."""
         return {}
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     """The slots of many games for Stable-Baselines3 and sb3-contrib; made by `gamms.rl.sb3_env`.
 
     `sb3_contrib.MaskablePPO` finds the masks of legal actions. The episode of a slot ends when its agent is out or its
-    game is over.
+    game is over; `info["episode"]` has the return and the length of its life, as the logs of models show them.
 
     Args:
         games: the environment of the games.
@@ -116,6 +117,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         self._actions = np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
         self._validity = SlotValidity()
+        self._began = perf_counter()
         is_dict = isinstance(games.single_observation_space, spaces.Dict)
         self.rollouts: dict[str, Any] = {
             "rollout_buffer_class": LivingRollouts if is_dict else LivingBoxRollouts,
@@ -153,8 +155,10 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
             of_slots[slot]["valid"] = False
         for slot in np.flatnonzero(ends).tolist():
             of_slots[slot]["terminal_observation"] = _row(infos["final_obs"], slot)
-            of_slots[slot] |= {key: infos["final_info"][key][slot] for key in self.learners.opponents}
+            of_slots[slot] |= {key: infos["final_info"][key][slot] for key in self.learners.drawn}
             of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
+            life = {key: column[slot].item() for key, column in infos["life"].items()}
+            of_slots[slot]["episode"] = {**life, "t": perf_counter() - self._began}
         return observed, rewards.astype(np.float32), ends, of_slots
 
     def get_images(self) -> Sequence[Any]:

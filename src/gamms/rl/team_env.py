@@ -156,5 +156,5 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             if self.learners.flies[number]:
                 found.pop("action_mask", None)
             values[name] = self._interface.given(found)
-            infos[name] = mask_in(found) | {key: column[0] for key, column in self.learners.opponents.items()}
+            infos[name] = mask_in(found) | {key: column[0] for key, column in self.learners.drawn.items()}
         return values, infos
