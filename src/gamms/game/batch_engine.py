@@ -29,9 +29,7 @@ from gamms.game.block.columns import (
     in_turns,
     kept_in,
     sensors_of,
-    some_rows,
 )
-from gamms.game.block.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
 from gamms.game.block.initial_state import InitialState, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
@@ -48,7 +46,7 @@ from gamms.game.cursor.called_functions import (
 from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
 from gamms.game.cursor.pointed import PointedContext
-from gamms.game.deeds import checked_value
+from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.messages import ANTENNA, MessagePositions
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction
@@ -57,6 +55,8 @@ from gamms.game.order import left_out
 from gamms.game.result import Result, list_opponents
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, strategy_spec_of
+from gamms.ir.columns import some_rows
+from gamms.ir.deeds import DeedLog, DeedsInArrays
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -120,7 +120,7 @@ class GamesOnOneMap:
         if settings["team_memory"]:
             state.share_memories()
         check = partial(checked_value, ctx=game.ctx)
-        state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
+        state.deeds = DeclaredDeeds(settings["deeds"], check, roster.names, state.streets, state.roads.are_open)
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
@@ -419,7 +419,7 @@ class GamesOnOneMap:
             return
         view = ArrayView(self.state, games, asked)
         try:
-            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here)
+            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here, part)
         except Exception as error:
             if len(asked):
                 error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
@@ -472,15 +472,17 @@ class GamesOnOneMap:
         yield from filter(len, (games[has_moved], games[~has_moved]))
 
     def _take_acts(self, view: ArrayView) -> None:
-        """Take the deeds and messages of the agents of a view."""
+        """Take the deeds and messages of the agents of a view, who decide in the same part of the turn."""
         state = self.state
         if state.radio is not None:
             state.radio.post(view._outboxes or ())
         deeds = [one._replace(at=view.games[one.at]) for one in view._deeds or ()]
         for one in deeds if self.core.arrival else ():
             self.core.note_late_deeds(one.at, one.agents)
-        if state.deed_log is not None and not self.core.arrival:
-            state.deed_log.want(state.deeds, deeds, state.turn)
+        for one in () if self.core.arrival else deeds:
+            if len(one.at):
+                part = int(self.core.part_of[one.agents[0]])
+                state.deed_log.want(DeedsInArrays(part, state.deeds.numbering, one, state.turn[one.at] + 1))
 
     def send(self, games: IntArray) -> None:
         """Send the messages of these games, in which all agents have moved."""
@@ -541,12 +543,9 @@ class GamesOnOneMap:
         last = None if turn._is_moving else self._initial.last_turn
         if last is not None and self.state.turn[games[0]] == self._initial.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
-            turn._deeds = self._initial.last_deeds(len(games))
         else:
             moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
-            if self.state.deed_log is not None:
-                turn._deeds = self.state.deed_log.done_in(games, turn.took_part, is_moving=turn._is_moving)
             if part is None:
                 turn.paths = self.core.paths(games)
             elif self.core.courses is not None:
@@ -661,8 +660,8 @@ class BatchEngine(TurnDriver):
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
         self._state.radio = radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
-        self._state.deed_log = deed_log_of(settings, rosters[0], len(seeds))
         self._deed_log = self._state.deed_log
+        self._has_deeds = bool(settings["deeds"])
         logs: tuple[MessageTraffic | DeedLog | None, ...] = (self._radio, self._deed_log)
         self._logs_of_turn = [log for log in logs if log is not None]
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
@@ -690,7 +689,7 @@ class BatchEngine(TurnDriver):
         self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
         self._now: TurnOfGames
         # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
-        acts = self._acts or self._deed_log is not None
+        acts = self._acts or self._has_deeds
         self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
         self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
         state = self._state
@@ -944,7 +943,7 @@ class BatchEngine(TurnDriver):
     def plan(self) -> TurnPlan:
         """Return the phases of a turn; always the same."""
         needed = {"decide", "move"}
-        if self._acts or self._deed_log is not None:
+        if self._acts or self._has_deeds:
             needed.add("act")
         if any(one.has_conflicts for one in self._maps):
             needed.add("give way")
@@ -1044,8 +1043,7 @@ class BatchEngine(TurnDriver):
         playing = self._now.in_part
         for one, games in self._each(playing) if self._acts else ():
             one.check(games, part)
-        if self._deed_log is not None:
-            self._deed_log.note()
+        self._deed_log.note()
         if not self._acts:
             return
         self._play_core(playing, part, _SETTLE)
@@ -1142,8 +1140,8 @@ class BatchEngine(TurnDriver):
             self._state.flights.set_out(flat(np.flatnonzero(playing), np.int64), memory_of(members))
         flaws = self._admit(part)
         turns = self._state.turn.copy()
-        if self._deed_log is not None and not is_later:
-            self._deed_log.do(part)
+        if not is_later:
+            self._deed_log.do(part, is_first=part == 0)
         play()
         illegal = self._block.illegal
         if illegal and self._is_strict:
@@ -1377,7 +1375,7 @@ class BatchEngine(TurnDriver):
             events=[dict(event) for event in state.events.of(game)],
             agents=agents,
             errors=[dict(error) for error in state.errors.of(game)],
-            deeds=[] if self._deed_log is None else [dict(deed) for deed in self._deed_log.of(game)],
+            deeds=[dict(deed) for deed in self._deed_log.of(game)],
             collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
             messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),

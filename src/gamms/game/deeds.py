@@ -1,15 +1,35 @@
-"""Deeds, which are actions other than moves: their declarations, and checks of requests."""
+"""Deeds, which are actions other than moves: their declarations, checks of requests, and tables of them."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import cache
+from operator import itemgetter
 from typing import Any, NamedTuple, TypeVar
 
-from gamms.arguments import as_bool, as_float, as_int, as_key, as_known, as_mapping, as_text
+import numpy as np
+
+from gamms.arguments import (
+    as_array,
+    as_bool,
+    as_float,
+    as_int,
+    as_key,
+    as_known,
+    as_mapping,
+    as_one_shape,
+    as_text,
+)
 from gamms.errors import BadType, BadValue, UnknownName, nearest
-from gamms.ir.graph import as_node_id
+from gamms.game.movement.streets import StreetGraph
+from gamms.ir.columns import Column
+from gamms.ir.deeds import ArrayDeeds, DeedNumbering, DeedRow
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray, as_node_id
+from gamms.ir.obstacles import BoolArray
 from gamms.plain import is_same, to_plain, why_not_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.context import HostContext
+from gamms.typing.game import Deed
 
 T = TypeVar("T")
 OF_DEED = ("turn", "agent", "deed", "at")
@@ -69,6 +89,10 @@ FIELD_KINDS: dict[str, Callable[[Any, str, HostContext], Any]] = {
 """Kind of field -> a function that checks a value."""
 
 
+_NUMBERED = ("agent", "node")  # kinds of fields whose values are numbers in arrays
+_NUMERIC = {"integer": ("iu", np.int64), "number": ("iuf", np.float64), "boolean": ("b", np.bool_)}
+
+
 class DeclaredField(NamedTuple):
     """A field of a deed: its kind, its choices if the kind is "choice", and whether it is required."""
 
@@ -116,6 +140,11 @@ def field_of(kind: str | tuple[Any, ...]) -> DeclaredField:
     """Return the parsed declaration of a field."""
     if isinstance(kind, tuple):
         return DeclaredField("choice", kind, is_required=True)
+    return _parse_kind(kind)
+
+
+@cache
+def _parse_kind(kind: str) -> DeclaredField:
     return DeclaredField(kind.removesuffix(_OPTIONAL), (), not kind.endswith(_OPTIONAL))
 
 
@@ -199,3 +228,171 @@ def checked_value(value: object, field: DeclaredField, name: str, ctx: HostConte
 
 def _listed(values: Iterable[object]) -> str:
     return ", ".join(map(shown, values))
+
+
+# -- deeds as columns ---------------------------------------------------------------------------------------------
+
+Check = Callable[[object, DeclaredField, str], Any]  # called with a value, its field, and what it is called
+
+
+def performed_deeds(state: GameState, *, is_moving: bool) -> list[Deed]:
+    """Return the deeds of a turn, in the order of the agents' names, without those of agents that have left it.
+
+    Args:
+        state: the state of the game.
+        is_moving: whether agents are about to move; then only their deeds count.
+    """
+    done = state.deed_log.rows_in_turn(state.row, state.turn + is_moving, is_moving=is_moving)
+    moves = state.moves if done else None
+    if moves is None:
+        return []
+    places = moves.order.index_of
+    took_part = moves.took_part
+    found = []
+    for _, _, order, name, kind, _, _, fields in done:
+        i = places.get(name)
+        if i is not None and took_part[i]:
+            found.append((i, order, name, kind, fields))
+    found.sort(key=itemgetter(0, 1))
+    slots = moves.slots
+    starts = moves.starts
+    return [Deed(name, slots[i].team, kind, starts[i], fields) for i, _, name, kind, fields in found]
+
+
+def _integer(value: object, _: DeclaredField, name: str) -> int:
+    return as_int(value, name)
+
+
+class DeclaredDeeds:
+    """The deeds that a game declares.
+
+    Args:
+        declared: deed -> its fields, as `ctx.game.deeds`.
+        check: returns the checked plain value of a field, or raises; None: no deed is declared.
+        names: (agents,) the names of the agents.
+        streets: the graph.
+        are_open: returns whether each edge, by id, is open in the game of the same index; None: `check` does that.
+
+    Attributes:
+        declared: deed -> its fields.
+        numbering: what the numbers in these deeds mean.
+    """
+
+    def __init__(
+        self,
+        declared: Mapping[str, Mapping[str, Any]],
+        check: Check | None,
+        names: Sequence[str],
+        streets: StreetGraph,
+        are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
+    ) -> None:
+        self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
+        self._check = check
+        self._streets = streets
+        kinds = {deed: {key: one.kind for key, one in of.items()} for deed, of in self.declared.items()}
+        self.numbering = DeedNumbering(names, streets.columns.node_ids, kinds)
+        self._are_open = are_open
+
+    def checked(
+        self, deed: str, fields: Mapping[str, object], where: BoolArray, who: tuple[IntArray, IntArray],
+        nodes: IntArray, order: int,
+    ) -> ArrayDeeds:  # fmt: skip
+        """Return the checked deeds of a call of `ArrayView.do` by agents on these nodes.
+
+        `who` are the numbers of the games and of the agents; `order` is the number of the call.
+        """
+        known = self.fields_of(deed)
+        for key in fields:
+            as_known(key, f"field of the deed {deed!r}:", known)
+        at, which = np.nonzero(where)
+        values = {}
+        for key, field in known.items():
+            name = f"{key!r} of the deed {deed!r}"
+            given = fields.get(key)
+            if given is None and field.is_required:
+                raise missing_field(name, known)
+            column = self._column(given, field, name, where, (at, which))
+            values[key] = column
+            if field.kind == "edge" and self._are_open is not None:
+                named = np.flatnonzero(column != np.array(None))
+                edges = column[named].astype(np.int64)
+                for edge in edges[~self._are_open(edges, who[0][at[named]])].tolist():
+                    raise UnknownName(f"edge as {name}:", edge)
+        return ArrayDeeds(deed, at, who[1][which], nodes[at, which], np.full(len(at), order), values)
+
+    def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
+        """Return the declared fields of a deed."""
+        return fields_of(as_key(deed, "The name of a deed"), self.declared)
+
+    def nothing(self, deed: str) -> ArrayDeeds:
+        """Return an empty table of deeds of a kind."""
+        return self.from_rows(deed, [])
+
+    def from_rows(self, kind: str, rows: Sequence[DeedRow]) -> ArrayDeeds:
+        """Return deeds of one kind of plain functions as arrays, without those of other agents; their nodes are -1."""
+        numbers = {name: number for number, name in enumerate(self.numbering.names)}
+        known = [row for row in rows if row[3] in numbers]
+        each = [(game, numbers[name], order, -1) for game, _, order, name, *_ in known]
+        at, agents, order, nodes = np.array(each, np.int64).reshape(-1, 4).T
+        return ArrayDeeds(kind, at, agents, nodes, order, self._values(kind, [row[-1] for row in known]))
+
+    def _values(self, kind: str, each: Sequence[Mapping[str, Any]]) -> dict[str, Column]:
+        """Return the values of plain fields as columns."""
+        numbers: dict[str, Callable[[Any], int]] = {
+            "agent": self.numbering.names.index,
+            "node": lambda node: int(self._streets.rows(node)),
+        }
+        values: dict[str, Column] = {}
+        for key, field in self.fields_of(kind).items():
+            given = [fields.get(key) for fields in each]
+            number = numbers.get(field.kind)
+            if number is not None:
+                values[key] = np.array([-1 if one is None else number(one) for one in given], np.int64)
+                continue
+            is_numeric = field.is_required and field.kind in _NUMERIC
+            values[key] = np.empty(len(each), _NUMERIC[field.kind][1] if is_numeric else object)
+            for i, one in enumerate(given):
+                values[key][i] = one
+        return values
+
+    def _column(
+        self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
+    ) -> Column:
+        """Return the checked values of a field for the chosen agents, (deeds,)."""
+        if field.kind in _NUMBERED:
+            return self._rows(-1 if given is None else given, field, name, where, chosen)
+        if field.kind in _NUMERIC and given is not None and field.is_required:
+            kinds, dtype = _NUMERIC[field.kind]
+            values = np.asarray(given)
+            if values.dtype.kind not in kinds:
+                raise BadType(f"{name} must be of the kind {field.kind!r}, not {shown(given)}.")
+            return as_one_shape({name: values}, where.shape)[0][chosen].astype(dtype)
+        column = np.empty(len(chosen[0]), object)
+        check = self._check
+        if field.kind == "edge" and self._are_open is not None:
+            check = _integer
+        if given is None or check is None:
+            return column
+        if isinstance(given, np.ndarray):
+            each = as_one_shape({name: given}, where.shape)[0][chosen].tolist()
+            column[:] = [None if one is None else check(one, field, name) for one in each]
+        else:
+            column[:] = [check(given, field, name)] * len(column)
+        return column
+
+    def _rows(
+        self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
+    ) -> Column:
+        """Return the checked agent numbers or node rows of a field for the chosen agents, (deeds,)."""
+        most = len(self.numbering.names if field.kind == "agent" else self._streets.counts)
+        try:
+            values = as_array(given, name, "integers")
+        except BadType:
+            raise BadType(f"{name} must be {field.kind}s by their numbers, not {shown(given)}.") from None
+        rows = as_one_shape({name: values}, where.shape)[0][chosen].astype(np.int64)
+        wrong = rows[(rows < (0 if field.is_required else -1)) | (rows >= most)]
+        if len(wrong):
+            raise BadValue(
+                f"{name}: there is no {field.kind} number {wrong[0]}; they are numbered from 0 to {most - 1}."
+            )
+        return rows

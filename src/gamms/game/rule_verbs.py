@@ -6,7 +6,7 @@ from typing import Any, overload
 from gamms.arguments import as_bool, as_items, as_key, as_name
 from gamms.deciding import Protected, leaving_last_turn, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
-from gamms.game.deeds import fields_of
+from gamms.game.deeds import fields_of, performed_deeds
 from gamms.game.facts import facts_to
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
@@ -94,8 +94,7 @@ class RuleVerbs(Settings):
         """
         if kind is not None:
             fields_of(as_key(kind, "A kind of deed"), self.deeds)
-        moves = self._state.moves
-        deeds: list[Deed] = [] if moves is None else moves.deeds
+        deeds = performed_deeds(self._state, is_moving=self._turns.is_moving)
         return [deed for deed in deeds if kind in (None, deed.kind)]
 
     @refused_while_deciding

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
+from gamms.game.deeds import performed_deeds
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.movement.arrivals import WAITS, ArrivingAgents
@@ -22,6 +24,7 @@ from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, show_numbers
+from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.limits import GarbagePause
 from gamms.progress import uninterrupted
@@ -406,7 +409,7 @@ class TurnEngine(GameTurn):
         """Let rules refuse moves and deeds, and execute deeds."""
         turn: TurnMoves = self.state.moves
         if turn.order.has_deeds or self.rules.now.act_before_moves:
-            self._do_deeds(turn, turn.order.parts[number])
+            self._do_deeds(turn, number)
 
     def _join(self, number: int) -> None:
         """Add the moves of a part to those of the whole turn."""
@@ -431,23 +434,23 @@ class TurnEngine(GameTurn):
         self.rules.apply(phase, self.state)
         self.state.timings["rules"] += perf_counter() - began
 
-    def _do_deeds(self, turn: TurnMoves, part: TurnPart) -> None:
+    def _do_deeds(self, turn: TurnMoves, number: int) -> None:
         """Call the rules that refuse moves and deeds, log the remaining deeds, and call the rules that execute deeds.
 
         An agent that a rule has placed elsewhere stays there, and an agent whose path was closed stays on its node.
         """
         rules = self.rules
-        for i, kind, why in self.refused(turn, part.members, rules):
+        log = self.state.deed_log
+        self._want_deeds(turn, number)
+        log.do(number, is_first=number == self.first)
+        for i, kind, why in self.refused(turn, turn.order.parts[number].members, rules):
             if kind is None:
                 self._block(turn.slots[i], why)
             else:
+                log.refuse(self.state.row, i, kind)
                 self._note_illegal(turn.slots[i], why)
-        deeds = turn.deeds
-        number = self.state.turn + 1
+        log.note()
         revision = self._ctx.graph.graph.revision
-        self.state.deeds += [
-            {"turn": number, "agent": deed.agent, "deed": deed.kind, "at": deed.at, **deed.values} for deed in deeds
-        ]
         if not rules.apply("deeds", self.state):
             return
         order = self.order()
@@ -459,11 +462,22 @@ class TurnEngine(GameTurn):
             for i in self.cut_off(turn):
                 self._block(turn.slots[i], CLOSED)
 
+    def _want_deeds(self, turn: TurnMoves, number: int) -> None:
+        """Collect the deeds that agents want to do in a part of the turn; the numbers of agents are their slots."""
+        wanted = PlainDeeds(number, [])
+        names = turn.slots.names
+        now = self.state.turn + 1
+        for i, action in sorted(turn.actions.items()):
+            if action.deeds:
+                wanted.add(0, i, names[i], now, turn.starts[i], action.deeds)
+        if wanted.given:
+            self.state.deed_log.want(wanted)
+
     def refused(self, turn: TurnMoves, members: Iterable[int], rules: RuleSet) -> Iterable[tuple[int, str | None, str]]:
         """Call the rules that refuse moves and deeds, for the agents of some slots; see `Refusals.take_back`."""
         if not rules.now.checks:
             return ()
-        refusals = Refusals(turn)
+        refusals = Refusals(turn, partial(performed_deeds, self.state, is_moving=True))
         self.refusals = refusals
         try:
             rules.check(self.state)

@@ -1,13 +1,15 @@
-"""Columns of agents, as lists or views of arrays: selections of rows, and logs of changed rows."""
+"""Columns of agents, as lists or views of arrays: selections of rows, logs of changed rows, and logs of games."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, MutableSequence, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Mapping, MutableSequence, Sequence
 from functools import cached_property
 from itertools import count
 from operator import add, itemgetter
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +17,11 @@ from numpy.typing import ArrayLike
 from gamms.core.block import INT64, gather
 from gamms.deciding import UNDECIDED, DecidePhase
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 
 Column = np.ndarray[Any, Any]
+P = TypeVar("P")
+Table = TypeVar("Table", bound=NamedTuple)
 _FEW = 16  # if fewer than one name in this many is requested, each is looked up
 _FEW_DROPPED = 8  # number of positions up to which items are removed one by one
 _MOST_NOTED = 1 << 16  # most rows in a `StructureLog`
@@ -363,3 +368,105 @@ def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
     if places == list(range(len(places))):
         return itemgetter(slice(len(places)))
     return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
+
+
+# -- tables and logs of games --------------------------------------------------------------------------------------
+
+
+def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
+    """Return rows of a named tuple of columns, selected by a mask or by indices."""
+    rows = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.int64, copy=False)
+    return type(table)(*(_chosen(column, rows) for column in table))
+
+
+def _chosen(column: Any, rows: IntArray) -> Any:
+    if isinstance(column, list):
+        return [column[row] for row in rows.tolist()]
+    if isinstance(column, Mapping):
+        return {name: _chosen(one, rows) for name, one in column.items()}
+    if hasattr(column, "_fields"):
+        return some_rows(column, rows)
+    return column[rows] if isinstance(column, np.ndarray) else column
+
+
+def joined_rows(tables: Sequence[Table]) -> Table:
+    """Return the concatenated rows of several tables; there is at least one."""
+    return type(tables[0])(*map(_join_column, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
+
+
+def _join_column(columns: Sequence[Any]) -> Any:
+    first = columns[0]
+    if isinstance(first, list):
+        return [one for column in columns for one in column]
+    if isinstance(first, Mapping):
+        return {name: _join_column([column[name] for column in columns]) for name in first}
+    return np.concatenate(columns) if isinstance(first, np.ndarray) else first
+
+
+def places_of(numbers: IntArray, most: int) -> IntArray:
+    """Return the index of each number below a limit in an array, (most,); -1: the number is not in it."""
+    found = np.full(most, -1)
+    found[numbers] = np.arange(len(numbers))
+    return found
+
+
+class GameLog(ABC, Generic[P]):
+    """A log of all games: noted as arrays of many games, and written out for each game when it is read.
+
+    Args:
+        num_games: the number of games in the batch.
+        names: the names of the agents, if entries have numbers of agents.
+    """
+
+    def __init__(self, num_games: int, names: Sequence[str] = ()) -> None:
+        self._names = names
+        self._pending: list[P] = []
+        self._num_games = num_games
+        self._of_game = defaultdict[int, list[dict[str, Any]]](list)
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the log entries of a game, in order."""
+        for noted in self._pending:
+            for number, entry in self._entries(noted):
+                self._of_game[number].append(entry)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Remove the entries of some games."""
+        if len(games) == self._num_games:  # do not write out entries that are removed anyway
+            self._pending.clear()
+        self.of(0)
+        for game in games.tolist():
+            self._of_game.pop(game, None)
+
+    def clear(self) -> None:
+        """Remove the entries of all games."""
+        self._pending.clear()
+        self._of_game.clear()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        pending = [*self._pending]
+        lengths = {game: len(entries) for game, entries in self._of_game.items()}
+
+        def undo() -> None:
+            self._pending[:] = pending
+            for game, entries in self._of_game.items():
+                del entries[lengths.get(game, 0) :]
+
+        return undo
+
+    def put(self, game: int, entries: list[dict[str, Any]]) -> None:
+        """Replace the entries of a game by a list, which grows with the log."""
+        self.of(game)
+        self._of_game[game] = entries
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
+        """Start the empty logs of some games with entries of earlier turns."""
+        for game in games.tolist() if entries else ():
+            self._of_game[game] += entries
+
+    @abstractmethod
+    def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
+        """Return pairs of game number and log entry; the entries of a game are in order."""

@@ -24,6 +24,7 @@ from gamms.core.copies import (
     restore_fields,
 )
 from gamms.errors import BadType, BadValue
+from gamms.ir.deeds import DeedLog, DoneDeeds
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, plain_subset, refuse_misfit, to_plain, whole
 from gamms.readonly import published
@@ -92,8 +93,8 @@ def _refuse_no_score(key: Hashable, score: object) -> None:
         raise BadValue(f"The score of {shown(key)} must fit into a float, not {shown(score)}.")
 
 
-LogMarks = tuple[Sequence[list[Any]], Sequence[int]]
-"""A marker of logs at a moment: their lists, which may grow later, and their lengths at that moment."""
+LogMarks = tuple[Sequence[list[Any]], Sequence[int], list[DoneDeeds]]
+"""A marker of logs at a moment: their lists, which may grow later, their lengths, and the deeds of the last turn."""
 
 
 def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list[Any]:
@@ -302,7 +303,8 @@ class GameState:
         turn: number of turns played.
         events: emitted events in order, append-only: dicts with `turn` and `kind`.
         errors: errors of strategies in order, append-only.
-        deeds: deeds of agents in order, append-only: dicts with `turn`, `agent`, `deed`, `at`.
+        deed_log: the deeds of agents; `deeds` is its list of entries.
+        row: the number of the game in `deed_log`.
         messages: messages sent on channels, with receivers and arrival turns, in order, append-only: see `ir.messages`.
         blocked: agent -> reason why its last action was not performed; only for blocked agents.
         facts: published facts, read-only values; this dict object is never replaced.
@@ -340,7 +342,8 @@ class GameState:
     turn: int = game_field(int, _same, captured=to_plain, restored=as_turn, axis="game")
     events: list[dict[str, Any]] = game_field(list)
     errors: list[dict[str, Any]] = game_field(list)
-    deeds: list[dict[str, Any]] = game_field(list)
+    deed_log: DeedLog = game_field(DeedLog)
+    row: int = game_field(int)
     messages: list[dict[str, Any]] = game_field(list)
     blocked: BlockedAgents = game_field(
         BlockedAgents,
@@ -389,6 +392,15 @@ class GameState:
     stream_version: int = game_field(int)
     marked: Sequence[int] = game_field(lambda: (0,) * len(LOGS))
 
+    @property
+    def deeds(self) -> list[dict[str, Any]]:
+        """Deeds of agents in order, append-only: dicts with `turn`, `agent`, `deed`, `at`."""
+        return self.deed_log.of(self.row)
+
+    @deeds.setter
+    def deeds(self, entries: list[dict[str, Any]]) -> None:
+        self.deed_log.put(self.row, entries)
+
     def put(self, name: str, value: object) -> None:
         """Set a field, in place if other objects refer to its value."""
         refill = FIELDS[name].refill
@@ -427,19 +439,22 @@ class GameState:
         """Return markers of the present logs, for `go_to`."""
         logs = _logs_of(self)
         self.marked = tuple(map(len, logs))
-        return logs, self.marked
+        return logs, self.marked, self.deed_log.last_of(self.row)
 
     def go_to(self, marks: LogMarks) -> None:
         """Restore the logs to their state at `marks`."""
-        logs, lengths = marks
+        logs, lengths, last = marks
         for name, entries, length, marked in zip(LOGS, logs, lengths, self.marked, strict=True):
             setattr(self, name, log_at(getattr(self, name), entries, length, marked))
         self.marked = lengths
+        self.deed_log.go_to(last)
 
     def copy_logs(self, marks: LogMarks) -> None:
         """Copy the logs of another game as they were at its `marks`, with the same entries."""
-        for name, entries, length in zip(LOGS, *marks, strict=True):
+        logs, lengths, last = marks
+        for name, entries, length in zip(LOGS, logs, lengths, strict=True):
             setattr(self, name, entries[:length])
+        self.deed_log.go_to(last)
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent."""

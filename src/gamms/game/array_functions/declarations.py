@@ -20,11 +20,10 @@ from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.block.channels import MessageTraffic
 from gamms.game.block.columns import AgentTable, decider_of
-from gamms.game.block.deeds import DeclaredDeeds
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
-from gamms.game.deeds import checked_value
+from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import RuleSpec, declared
@@ -168,7 +167,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
     state.kept = game.data.get(KEPT, {})
     state.unchecked = game.internals.unchecked_arrays
-    state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
+    state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster.names, streets)
     if state.flights is not None:
         flying: list[Any] = [roster.agents[number] for number in state.flyers.tolist()]
         state.position[0] = [agent.position for agent in flying]
@@ -251,7 +250,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     names = block.roster.names
     deeds: dict[str, dict[str, dict[str, Any]]] = {}
     for one in view._deeds or ():
-        for number, fields in zip(one.agents.tolist(), block.deeds.fields(one), strict=True):
+        for number, fields in zip(one.agents.tolist(), block.deeds.numbering.fields(one), strict=True):
             deeds.setdefault(names[number], {})[one.kind] = fields
     messages: dict[str, list[dict[str, Any]]] = {}
     for box in view._outboxes or ():
@@ -353,8 +352,8 @@ class _SingleGameTurn(ArrayTurn):
             self.starts, self.ends, self.took_part, self.paths = LastTurn.of(moves, roster, state.movement, self.node)
             for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
                 state.placed[0, number] |= moves.was_put(moves.order.index_of[roster.names[number]])
-        done = [(0, roster.names.index(one.agent), i, one.kind, one.values) for i, one in enumerate(game.performed())]
-        self._deeds += state.deeds.from_plain(done, self.starts)
+        state.deed_log = game.internals.state.deed_log
+        self._rows_in_log = np.array([game.internals.state.row])
 
     def _close(self) -> None:
         """Write scores and kept arrays to the game."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import deepcopy
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -9,12 +10,13 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.block.columns import kept_in, lock, once, places_of, put_locked, some_rows
-from gamms.game.block.deeds import ArrayDeeds, joined
+from gamms.game.block.columns import kept_in, lock, once, put_locked
 from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays
 from gamms.game.conflicts import flat
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
+from gamms.ir.columns import places_of, some_rows
+from gamms.ir.deeds import ArrayDeeds, joined
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -87,7 +89,7 @@ class ArrayTurn(ShallowCopied):
         self._find_roads()
         self.turn = state.turn[games]
         self.seeds = state.seeds_of(games)
-        self._deeds: list[ArrayDeeds] = []
+        self._rows_in_log = games  # the numbers of the games in the log of deeds
         self.node: IntArray = state.chosen(state.node, games)
         self.alive: BoolArray = state.chosen(state.alive, games)
         self.starts = self.node
@@ -194,8 +196,13 @@ class ArrayTurn(ShallowCopied):
         Raises:
             UnknownName (KeyError): there is no such deed.
         """
-        found = [deeds for deeds in self._deeds if deeds.kind == kind]
-        deeds = joined(found) if found else self._state.deeds.nothing(kind)
+        declared = self._state.deeds
+        is_moving = self._is_moving
+        turn = self.turn + is_moving
+        as_arrays = partial(declared.from_rows, kind)
+        found = self._state.deed_log.in_turn(self._rows_in_log, turn, kind, as_arrays, is_moving=is_moving)
+        deeds = joined(found or [declared.nothing(kind)])
+        deeds = deeds.those(self.took_part[deeds.at, deeds.agents])
         return deeds._replace(nodes=self.starts[deeds.at, deeds.agents])  # rules may have put agents elsewhere
 
     def emit(

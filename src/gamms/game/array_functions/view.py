@@ -13,7 +13,6 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
 from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
 from gamms.game.block.columns import kept_in
-from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
     SHOWING_NODES,
@@ -44,6 +43,7 @@ from gamms.game.movement.roads import OpenRoads
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
+from gamms.ir.deeds import ArrayDeeds
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray

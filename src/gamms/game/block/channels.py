@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_key
 from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.block.columns import AgentTable, Failure, GameLog, joined_rows, places_of, some_rows
+from gamms.game.block.columns import AgentTable, Failure
 from gamms.game.channels import (
     Channel,
     Outgoing,
@@ -22,6 +22,7 @@ from gamms.game.channels import (
     size_of,
 )
 from gamms.game.messages import MessageOutcomes, MessagePositions, entry_of, outcomes_of
+from gamms.ir.columns import GameLog, joined_rows, places_of, some_rows
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain

@@ -1,11 +1,9 @@
 """Basic data of a batch: its source game, seeds, agents and logs; and helpers for columns and threads."""
 
-from abc import ABC, abstractmethod
-from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, count, islice
 from threading import Thread
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -25,7 +23,6 @@ from gamms.limits import refuse_above
 from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
-from gamms.typing.game import Deed
 
 # Bytes of an agent, measured: of each game in the core, with the events of 200 turns; of an agent that plays, and of a
 # name that is reserved, in all games together.
@@ -33,25 +30,7 @@ BYTES_PER_AGENT = 290
 BYTES_PER_PLAYER = 1_900
 BYTES_PER_NAME = 1_200
 Column = np.ndarray[Any, Any]
-P = TypeVar("P")
 T = TypeVar("T")
-Table = TypeVar("Table", bound=NamedTuple)
-
-
-def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
-    """Return rows of a named tuple of columns, selected by a mask or by indices."""
-    rows = np.flatnonzero(which) if which.dtype == np.bool_ else which.astype(np.int64, copy=False)
-    return type(table)(*(_chosen(column, rows) for column in table))
-
-
-def _chosen(column: Any, rows: IntArray) -> Any:
-    if isinstance(column, list):
-        return [column[row] for row in rows.tolist()]
-    if isinstance(column, Mapping):
-        return {name: _chosen(one, rows) for name, one in column.items()}
-    if hasattr(column, "_fields"):
-        return some_rows(column, rows)
-    return column[rows] if isinstance(column, np.ndarray) else column
 
 
 def lock(arrays: Iterable[Column]) -> None:
@@ -97,27 +76,6 @@ def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
     return at[kept], agents[kept]
 
 
-def joined_rows(tables: Sequence[Table]) -> Table:
-    """Return the concatenated rows of several tables; there is at least one."""
-    return type(tables[0])(*map(_joined, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
-
-
-def _joined(columns: Sequence[Any]) -> Any:
-    first = columns[0]
-    if isinstance(first, list):
-        return [one for column in columns for one in column]
-    if isinstance(first, Mapping):
-        return {name: _joined([column[name] for column in columns]) for name in first}
-    return np.concatenate(columns) if isinstance(first, np.ndarray) else first
-
-
-def places_of(numbers: IntArray, most: int) -> IntArray:
-    """Return the index of each number below a limit in an array, (most,); -1: the number is not in it."""
-    found = np.full(most, -1)
-    found[numbers] = np.arange(len(numbers))
-    return found
-
-
 class Failure(NamedTuple):
     """An error of an agent in a game of the batch."""
 
@@ -130,63 +88,6 @@ class Failure(NamedTuple):
     def illegal(cls, game: int, agent: int, why: str) -> "Failure":
         """Return the failure for an illegal action, or for a message that cannot be sent."""
         return cls(game, agent, "illegal", why)
-
-
-class GameLog(ABC, Generic[P]):
-    """A log of all games: noted as arrays of many games, and written out for each game when it is read.
-
-    Args:
-        num_games: the number of games in the batch.
-        names: the names of the agents, if entries have numbers of agents.
-    """
-
-    def __init__(self, num_games: int, names: Sequence[str] = ()) -> None:
-        self._names = names
-        self._pending: list[P] = []
-        self._num_games = num_games
-        self._of_game = defaultdict[int, list[dict[str, Any]]](list)
-
-    def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the log entries of a game, in order."""
-        for noted in self._pending:
-            for number, entry in self._entries(noted):
-                self._of_game[number].append(entry)
-        self._pending.clear()
-        return self._of_game[game]
-
-    def forget(self, games: IntArray) -> None:
-        """Remove the entries of some games."""
-        if len(games) == self._num_games:  # do not write out entries that are removed anyway
-            self._pending.clear()
-        self.of(0)
-        for game in games.tolist():
-            self._of_game.pop(game, None)
-
-    def clear(self) -> None:
-        """Remove the entries of all games."""
-        self._pending.clear()
-        self._of_game.clear()
-
-    def checkpoint(self) -> Callable[[], None]:
-        """Return a function that undoes all later changes."""
-        pending = [*self._pending]
-        lengths = {game: len(entries) for game, entries in self._of_game.items()}
-
-        def undo() -> None:
-            self._pending[:] = pending
-            for game, entries in self._of_game.items():
-                del entries[lengths.get(game, 0) :]
-
-        return undo
-
-    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
-        """Start the empty logs of some games with entries of earlier turns."""
-        for game in games.tolist() if entries else ():
-            self._of_game[game] += entries
-
-    @abstractmethod
-    def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
-        """Return pairs of game number and log entry; the entries of a game are in order."""
 
 
 class PlayedGame(Protocol):
@@ -215,7 +116,6 @@ class PlayedGame(Protocol):
     def step(self) -> bool: ...
     def run(self, max_turns: int | None = None) -> Result: ...
     def result(self) -> Result: ...
-    def performed(self) -> list[Deed]: ...
     def snapshot(self) -> Snapshot: ...
     def restore(self, snapshot: Snapshot) -> None: ...
 

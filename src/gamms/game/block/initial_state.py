@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, some_rows, starts_of
-from gamms.game.block.deeds import ArrayDeeds
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, starts_of
 from gamms.game.block.in_core import CoreColumns
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
@@ -100,19 +99,16 @@ class InitialState:
         self._events = [*values.events]
         self._messages = [*values.messages]
         self._deeds = [*values.deeds]
+        self._last_deeds = [] if values.parts_played else values.deed_log.last_of(values.row)
         self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
         own = block.rows.of_each([names[number] for number in self._agents.tolist()])
         self._alive = np.asarray(block.alive)[own]
         self._places = [rows(np.asarray(block.ids_of(column))[own]) for column in (block.node, block.previous)]
         self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
         self.last_turn: LastTurn | None = None
-        self._last_deeds: list[ArrayDeeds] = []
         is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
         if values.moves is not None and is_read:
             self.last_turn = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
-            done = enumerate(game.performed())
-            deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
-            self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
         self._progress = [(number, block.progress_of(row)) for number, row in zip(self._agents, own, strict=True)]
         self._is_on_edge = np.array([place is not None for _, place in self._progress], np.bool_)
         self._take_departed(game, state)
@@ -146,15 +142,6 @@ class InitialState:
         deciders = [decider_of(agent, plans) for agent in state.roster.agents]
         steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or ()]
         state.first |= begin_steps(steps, game.ctx, state)
-
-    def last_deeds(self, games: int) -> list[ArrayDeeds]:
-        """Return the deeds of the last turn, repeated for a number of games."""
-        found = []
-        for one in self._last_deeds:
-            number = len(one.at)
-            repeated = some_rows(one, np.tile(np.arange(number), games))
-            found.append(repeated._replace(at=np.repeat(np.arange(games), number)))
-        return found
 
     def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
         """Return the games that are not in a turn of which some parts were played before the batch."""
@@ -247,8 +234,7 @@ class InitialState:
         state.events.begin(games, self._events)
         if state.radio is not None:
             state.radio.go_on(games, self._messages, self.turn)
-        if state.deed_log is not None:
-            state.deed_log.begin(games, self._deeds)
+        state.deed_log.begin(games, self._deeds, self._last_deeds)
 
 
 def _take_places(game: PlayedGame, movement: Movement) -> None:

@@ -13,11 +13,12 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, sight
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.block.columns import PlayedGame, kept_in, places_of, sensors_of, some_rows
+from gamms.game.block.columns import PlayedGame, kept_in, sensors_of
 from gamms.game.block.state import GameArrays
 from gamms.game.block.strategy_steps import has_plain_looks, looks_of, make_search
 from gamms.game.conflicts import flat
 from gamms.game.cursor.pointed import PointedContext
+from gamms.ir.columns import places_of, some_rows
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook

@@ -16,15 +16,17 @@ from gamms.core import rules, sight
 from gamms.core.flight import TurnFlights
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import AgentTable, Failure, GameLog, PlayedGame, index_games
-from gamms.game.block.deeds import DeclaredDeeds, DeedLog
+from gamms.game.block.columns import AgentTable, Failure, PlayedGame, index_games
 from gamms.game.decisions import COUNT_OF
+from gamms.game.deeds import DeclaredDeeds
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import draw_shares
+from gamms.ir.columns import GameLog
+from gamms.ir.deeds import DeedLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -418,7 +420,7 @@ class BatchColumns:
         errors: the errors of agents in all games.
         failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
             together with its own.
-        deed_log: the log of deeds; None: the games declare no deeds.
+        deed_log: the deeds of all games.
         radio: the channels and their messages; None: the games have no channels.
         is_apart: (games,) whether each game is played in a context of its own.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
@@ -487,7 +489,7 @@ class BatchColumns:
         self.stop = np.zeros(1, np.int64)
         self.leaving: dict[int, str] = {}
         self.radio: MessageTraffic | None = None
-        self.deed_log: DeedLog | None = None
+        self.deed_log = DeedLog(games)
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._pool_shares: FloatArray | None = None  # see `pool_shares`
@@ -566,7 +568,7 @@ class GameArrays(BatchColumns):
         self.streets = movement.streets
         self.roads = movement.all_roads
         self._of_maps: MapData | None = None  # for games that differ in their open roads
-        self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
+        self.deeds = DeclaredDeeds({}, None, roster.names, movement.streets)
         self.kept = dict[Hashable, Arrays]()
         self.first = dict[Hashable, Arrays]()
         self.unchecked = set[Hashable]()
@@ -653,7 +655,9 @@ class GameArrays(BatchColumns):
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
         """The logs that hold entries of many games as arrays."""
-        yield from (log for log in (self.events, self.errors, self.radio, self.deed_log) if log is not None)
+        yield from (self.events, self.errors, self.deed_log)
+        if self.radio is not None:
+            yield self.radio
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Set the map of games, on which other roads are open; None: the map of the start."""

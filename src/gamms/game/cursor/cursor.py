@@ -1,6 +1,6 @@
 """Calls plain rules and strategies in a context that is pointed at each game of a batch in turn."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from gamms.game.movement.courses import Routes
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.turn import CLOSED, closed_edge
+from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -87,7 +88,7 @@ class Cursor:
         self._turns = parts.turns
         self._values = parts.state
         self._phase = phase_of(game.ctx)
-        self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
+        self._deeds = PlainDeeds(0, [])  # that agents want to do now
         asked_names = {state.roster.names[number] for number in called.asked}
         pointed.at_start.undone = {name: why for name, why in parts.state.blocked.items() if name in asked_names}
 
@@ -178,7 +179,7 @@ class Cursor:
             self._note_undone(number, agent, why)
             if kind is None:
                 self._hold(agent)
-            elif log is not None:
+            else:
                 self._state.note_failure(Failure.illegal(number, agent, why))
                 log.refuse(number, agent, kind)
         self._shown.refuse_other_agents("the check of a rule")
@@ -330,13 +331,14 @@ class Cursor:
             self._shown.forget_looks()
         self._have_left(games)
 
-    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None) -> IntArray:
+    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None, part: int) -> IntArray:
         """Return the actions of agents that are asked game by game.
 
         Args:
             view: the agents.
             observing: the numbers of other agents, whose sensors are called.
             here: (all games, all agents) a mask of the agents that arrive now; None: all agents decide.
+            part: the part of the turn.
         """
         state = self._state
         agents = view.agents
@@ -349,7 +351,7 @@ class Cursor:
             self._find_asked = partial(self._find_living, agents.tobytes(), observing.tobytes())
         else:
             self._find_asked = partial(self._find_arriving, here, agents, observing)
-        self._deeds = []
+        self._deeds = PlainDeeds(part, [])
         if self._core.courses is not None:
             self._core.courses.routes.forget()
 
@@ -361,8 +363,8 @@ class Cursor:
 
         with self._deciding(games):
             self._play(games, ask)
-        if state.deed_log is not None and not self._core.arrival:
-            state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
+        if self._deeds.given and not self._core.arrival:
+            state.deed_log.want(self._deeds)
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
@@ -373,7 +375,7 @@ class Cursor:
         """Whether agents of a game decide on more than nodes to move to."""
         state = self._state
         has_routes = state.flights is not None or self._core.courses is not None
-        return has_routes or state.deed_log is not None or state.radio is not None
+        return has_routes or len(state.deeds.declared) > 0 or state.radio is not None
 
     def find_asked(self) -> AskedAgents | None:
         """Return the agents that are asked in the current game; None: nobody is."""
@@ -417,7 +419,7 @@ class Cursor:
         chooses = decisions.actions or decisions.paths is not None
         if chooses or decisions.failures or decisions.written or self._shown.own_row().undone:
             self._take_uncommon(decisions, asked)
-        if self._state.deed_log is not None and decisions.actions:
+        if decisions.actions:
             self._take_deeds(decisions, asked)
         if self._state.radio is not None:
             self._take_messages(self._state.radio, decisions, asked)
@@ -488,14 +490,15 @@ class Cursor:
 
     def _take_deeds(self, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the deeds of agents of the current game."""
+        number = self._pointed.number
+        now = self._values.turn + 1
         for i, name in asked.members:
             action = decisions.actions.get(i)
-            agent = self._shown.number_of[name]
-            deeds = (action and action.deeds) or {}
-            if self._core.arrival and deeds:
-                self._core.note_late_deeds(np.array([self._pointed.number]), np.array([agent]))
-            for order, (kind, fields) in enumerate(deeds.items()):
-                self._deeds.append((self._pointed.number, agent, order, kind, fields))
+            if action is not None and action.deeds:
+                agent = self._shown.number_of[name]
+                if self._core.arrival:
+                    self._core.note_late_deeds(np.array([number]), np.array([agent]))
+                self._deeds.add(number, agent, name, now, decisions.starts[i], action.deeds)
 
     def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the messages that agents of the current game send."""

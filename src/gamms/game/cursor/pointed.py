@@ -29,7 +29,7 @@ from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.agent_engine import IAgent
 
-_READ = ("began", "counts", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
+_READ = ("began", "counts", "errors", "events", "memories", "messages", "moves", "scores")
 """Fields of the state of a game that are made when they are read; so are `data` and `over`, which may be set."""
 _IN_ROW = ("agent_facts", "delayed_looks", "departed", "team_facts", "team_memories")
 """Fields of the state of a game that are read from its row; see `RowValues`."""
@@ -79,6 +79,7 @@ class StartOfGame:
     """The start of the game that a context is pointed at; the game cannot be reset to it.
 
     Args:
+        pointed: the context.
         read: returns the value of a field of the game.
         row: returns what Python holds of the game; see `RowValues`.
         end: ends the game; called with the reason, the winner and the truncation.
@@ -88,12 +89,14 @@ class StartOfGame:
 
     def __init__(
         self,
+        pointed: "PointedContext",
         read: Callable[[str], Any],
         row: Callable[[], "RowValues"],
         end: Callable[[dict[str, Any] | None], None],
         replace_data: Callable[[dict[Any, Any]], None],
         leave: Callable[[str], NoReturn],
     ) -> None:
+        self.pointed = pointed
         self.read = read
         self.row = row
         self.end = end
@@ -129,6 +132,12 @@ class PointedState(GameState):
         """Return the writable memory of an agent in the game that the context is pointed at."""
         memory: dict[Any, Any] = self.start.row().memories.setdefault(name, {})
         return memory
+
+    @property
+    def row(self) -> int:  # type: ignore[override] # it is not set here
+        """The number of the game in `deed_log`."""
+        number: int = self.start.pointed.number
+        return number
 
 
 def _read_field(name: str, state: GameState) -> Any:

@@ -228,6 +228,7 @@ class ShownGame(GamesInContext):
         self._num_messages = 0
         self.has_more = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
         self._kept_start = values.start
+        self._kept_deeds = values.deed_log
         self._begin()
         self._fixed = self._what_is_fixed()
         self._note_epoch()
@@ -238,7 +239,8 @@ class ShownGame(GamesInContext):
         pointed = self._pointed
         self._phase.before_reading = self._own_attributes
         values.__class__ = PointedState
-        values.start = StartOfGame(self.read, self.own_row, self._end, self._replace_data, self.leave)
+        values.start = StartOfGame(self._pointed, self.read, self.own_row, self._end, self._replace_data, self.leave)
+        values.deed_log = self._state.deed_log
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
@@ -252,6 +254,7 @@ class ShownGame(GamesInContext):
         turns = self._turns
         values.__class__ = GameState
         values.start = self._kept_start
+        values.deed_log = self._kept_deeds
         self._pointed.reads_rows = False
         values.has_begun = False
         values.began = {}
@@ -505,10 +508,6 @@ class ShownGame(GamesInContext):
         self._num_messages = len(found)
         return found
 
-    def _make_deeds(self) -> list[dict[str, Any]]:
-        log = self._state.deed_log
-        return [] if log is None else log.of(self._pointed.number)
-
     def _make_errors(self) -> list[dict[str, Any]]:
         return self._state.errors.of(self._pointed.number)
 
@@ -568,12 +567,7 @@ class ShownGame(GamesInContext):
         if self._state.flights is not None:
             actions = self._flights_of(acting, first)
         lives = took_part.tobytes()
-        moves = TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
-        if self._state.deed_log is not None:
-            for number, deeds in self._state.deed_log.plain_of(self._pointed.number).items():
-                if number in numbers[took_part] and self.part in (None, self._core.part_of[number]):
-                    moves.do(int(np.searchsorted(numbers, number)), deeds)
-        return moves
+        return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
     def _flights_of(self, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
         """Return the flights of agents, above these nodes, by their places among these numbers."""

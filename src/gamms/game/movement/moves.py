@@ -1,7 +1,7 @@
 """The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
 
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from itertools import chain, compress, count, repeat
 from operator import ne
@@ -28,15 +28,17 @@ class Refusals:
     """The moves and deeds that rules refuse in a turn, with reasons.
 
     Args:
-        turn: the moves and deeds of the turn.
+        turn: the moves of the turn.
+        performed: returns the deeds of the part of the turn.
 
     Attributes:
         moves: agent -> the reasons why its move is refused.
         deeds: agent -> deed -> the reasons why it is refused.
     """
 
-    def __init__(self, turn: "TurnMoves") -> None:
+    def __init__(self, turn: "TurnMoves", performed: Callable[[], list[Deed]]) -> None:
         self._turn = turn
+        self._performed = performed
         self.moves: dict[str, set[str]] = {}
         self.deeds: dict[str, dict[str, set[str]]] = {}
 
@@ -44,11 +46,11 @@ class Refusals:
         """Refuse the move of an agent, or one of its deeds."""
         if deed is None:
             self.moves.setdefault(agent, set()).add(why)
-        elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
+        elif any(one.agent == agent and one.kind == deed for one in self._performed()):
             self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
 
     def take_back(self, members: Iterable[int]) -> Iterator[tuple[int, str | None, str]]:
-        """Withdraw the refused moves and deeds of the agents of some slots.
+        """Withdraw the refused moves of the agents of some slots, and list the refused deeds.
 
         Yield the slot of each, the kind of the deed, None for its move, and why.
         """
@@ -59,7 +61,6 @@ class Refusals:
             if why and turn.stop(i):
                 yield i, None, "; ".join(sorted(why))
             for kind, reasons in sorted(self.deeds.get(name, {}).items()):
-                turn.refuse_deed(i, kind)
                 yield i, kind, f"{kind}: {'; '.join(sorted(reasons))}"
 
 
@@ -85,23 +86,6 @@ class TurnMoves(TurnMovesInCore):
     def in_core(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
         return moves_of(self.starts, self.ends) if self.columns is None else self.columns
-
-    @property
-    def deeds(self) -> list[Deed]:
-        """The deeds of the turn, in the order of the agents' names."""
-        slots = self.slots
-        starts = self.starts
-        return [
-            Deed(slots[i].name, slots[i].team, kind, starts[i], values)
-            for i, action in sorted(self.actions.items())
-            if action.deeds is not None
-            for kind, values in action.deeds.items()
-        ]
-
-    def do(self, i: int, deeds: Mapping[str, dict[str, Any]]) -> None:
-        """Set the deeds of the agent of a slot."""
-        action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
-        self.actions[i] = action._replace(deeds=deeds)
 
     def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
         """Return the same moves for the agents of a copied game, matched by name; see `Slots.of_agents`."""
@@ -240,11 +224,6 @@ class TurnMoves(TurnMovesInCore):
             self.starts[i] = nodes[i]
             self._take_path(i, None, i)
             self._stay(i, nodes[i])
-
-    def refuse_deed(self, i: int, kind: str) -> None:
-        """Remove a deed of the agent of a slot."""
-        action = self.actions[i]
-        self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
 
     def _stay(self, i: int, node: int) -> None:
         self.ends[i] = node

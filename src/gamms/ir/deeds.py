@@ -1,0 +1,326 @@
+"""The deeds that agents have done: tables of them, and the log of one game or of many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.ir.columns import Column, GameLog, joined_rows, places_of, some_rows
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+
+
+class ArrayDeeds(NamedTuple):
+    """Deeds of one kind in several games, by game, then by the agent's name; arrays are (deeds,).
+
+    Attributes:
+        kind: the name of the deed.
+        at: the game, as an index in the view or turn; in logs, as a number in the batch.
+        agents: the number of the agent in the roster.
+        nodes: the row of the agent's node.
+        order: orders the deeds of one agent in a turn.
+        values: field -> values: agents as numbers, nodes as rows; -1 or None if the field is omitted.
+    """
+
+    kind: str
+    at: IntArray
+    agents: IntArray
+    nodes: IntArray
+    order: IntArray
+    values: Mapping[str, Column]
+
+    def those(self, which: BoolArray | IntArray) -> ArrayDeeds:
+        """Return deeds selected by a mask or by indices."""
+        return some_rows(self, which)
+
+
+def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
+    """Return the concatenated deeds of one kind; there is at least one part."""
+    whole = joined_rows(parts)
+    return whole.those(np.lexsort((whole.agents, whole.at)))
+
+
+DeedRow = tuple[int, int, int, str, str, int, int, dict[str, Any]]
+"""One deed with plain values:
+
+* the number of the game;
+* the number of the agent in the turn, by which deeds are sorted and refused;
+* a number by which the deeds of one agent are sorted;
+* the name of the agent, by which it is found after agents have come and gone;
+* the name of the deed;
+* the turn;
+* the id of the agent's node;
+* its fields, without omitted ones.
+"""
+
+
+class DeedNumbering(NamedTuple):
+    """What the numbers in arrays of deeds mean.
+
+    Attributes:
+        names: (agents,) the names of the agents.
+        node_ids: (nodes,) the ids of the nodes.
+        kinds: deed -> field -> its kind; agents and nodes are numbers in these fields.
+    """
+
+    names: Sequence[str]
+    node_ids: IntArray
+    kinds: Mapping[str, Mapping[str, str]]
+
+    def fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
+        """Return the fields of each deed as plain values, without omitted ones."""
+        columns = [(key, self._plain(column, self.kinds[deeds.kind][key])) for key, column in deeds.values.items()]
+        return [{key: column[i] for key, column in columns if column[i] is not None} for i in range(len(deeds.at))]
+
+    def _plain(self, column: Column, kind: str) -> list[Any]:
+        """Return the values of a field as plain values; None if it is omitted."""
+        each: list[Any] = column.tolist()
+        if kind not in ("agent", "node"):
+            return each
+        known = self.names if kind == "agent" else self.node_ids.tolist()
+        return [known[number] if number >= 0 else None for number in each]
+
+
+AsArrays = Callable[[list[DeedRow]], ArrayDeeds]
+"""Called with deeds of one kind, whose numbers of games are indices; returns them as arrays."""
+
+
+class PlainDeeds(NamedTuple):
+    """Deeds of plain functions in one part of a turn: their checked values, as they were given.
+
+    Attributes:
+        part: the part of the turn.
+        given: the deeds; those of a game are sorted by agent and order.
+    """
+
+    part: int
+    given: list[DeedRow]
+
+    def add(self, game: int, agent: int, name: str, turn: int, node: int, deeds: Mapping[str, dict[str, Any]]) -> None:
+        """Add the deeds of an agent, deed -> its fields; the other arguments are those of `DeedRow`."""
+        given = self.given
+        for kind, fields in deeds.items():
+            given.append((game, agent, len(given), name, kind, turn, node, fields))
+
+    def rows(self) -> list[DeedRow]:
+        """Return each deed."""
+        return self.given
+
+    def without(self, refused: Collection[tuple[int, int, str | None]]) -> PlainDeeds:
+        """Return the deeds that are not refused; see `DeedLog.refuse`."""
+        return self._replace(given=[row for row in self.given if not _is_refused(row[0], row[1], row[4], refused)])
+
+    def without_games(self, games: IntArray) -> PlainDeeds:
+        """Return the deeds of other games."""
+        left_out = set(games.tolist())
+        return self._replace(given=[row for row in self.given if row[0] not in left_out])
+
+    def of_kind(self, kind: str, number: IntArray, turn: IntArray, as_arrays: AsArrays) -> ArrayDeeds:
+        """Return the deeds of a kind in a turn; see `DeedLog.in_turn`."""
+        given: list[DeedRow] = [(int(number[game]), *of) for game, *of in self.given if of[3] == kind]  # type: ignore[misc] # a tuple of the same types
+        return as_arrays([row for row in given if row[0] >= 0 and row[5] == turn[row[0]]])
+
+
+class DeedsInArrays(NamedTuple):
+    """Deeds of array functions in one part of a turn, all of one kind.
+
+    Attributes:
+        part: the part of the turn.
+        numbering: what their numbers mean.
+        deeds: the deeds; their `at` are numbers of games.
+        turns: (deeds,) the turn of each deed.
+    """
+
+    part: int
+    numbering: DeedNumbering
+    deeds: ArrayDeeds
+    turns: IntArray
+
+    def rows(self) -> list[DeedRow]:
+        """Return each deed."""
+        deeds = self.deeds
+        names = self.numbering.names
+        columns = (deeds.at, deeds.agents, deeds.order, self.turns, self.numbering.node_ids[deeds.nodes])
+        each = zip(*(column.tolist() for column in columns), self.numbering.fields(deeds), strict=True)
+        return [
+            (game, agent, order, names[agent], deeds.kind, turn, node, fields)
+            for game, agent, order, turn, node, fields in each
+        ]
+
+    def without(self, refused: Collection[tuple[int, int, str | None]]) -> DeedsInArrays:
+        """Return the deeds that are not refused; see `DeedLog.refuse`."""
+        each = zip(self.deeds.at.tolist(), self.deeds.agents.tolist(), strict=True)
+        kind = self.deeds.kind
+        return self._those(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
+
+    def without_games(self, games: IntArray) -> DeedsInArrays:
+        """Return the deeds of other games."""
+        return self._those(~np.isin(self.deeds.at, games))
+
+    def _those(self, which: BoolArray) -> DeedsInArrays:
+        return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
+
+    def of_kind(self, kind: str, number: IntArray, turn: IntArray, _: AsArrays) -> ArrayDeeds | None:
+        """Return the deeds in a turn, None: they are of another kind; see `DeedLog.in_turn`."""
+        if kind != self.deeds.kind:
+            return None
+        deeds = self.deeds._replace(at=number[self.deeds.at])
+        return deeds.those((deeds.at >= 0) & (self.turns == turn[deeds.at]))
+
+
+def _is_refused(game: int, agent: int, kind: str, refused: Collection[tuple[int, int, str | None]]) -> bool:
+    return (game, agent, kind) in refused or (game, agent, None) in refused
+
+
+DoneDeeds = PlainDeeds | DeedsInArrays
+
+
+class DeedLog(GameLog[list[DoneDeeds]]):
+    """The deeds of one game, or of all games of a batch: those of the turn, and the log.
+
+    In each part of a turn, `want` collects the requested deeds, `do` starts the deeds of the part, and `note` logs the
+    deeds that were not refused. Entries of the log are dicts, which are made when they are read.
+
+    Args:
+        num_games: the number of games.
+
+    Attributes:
+        last: the deeds of the last turn that was played, or is under way; a list that is replaced, never changed.
+    """
+
+    def __init__(self, num_games: int = 1) -> None:
+        super().__init__(num_games)
+        self.last: list[DoneDeeds] = []
+        self._now: list[DoneDeeds] = []  # of its last part
+        self._refused: set[tuple[int, int, str | None]] = set()  # game, agent, kind; None: all kinds
+        self._read: list[DoneDeeds] = []  # the deeds of which `_rows` has been made
+        self._rows: dict[int, list[DeedRow]] = {}  # by game
+        self.begin_turn()
+
+    def begin_turn(self) -> None:
+        """Drop requested deeds that were not executed."""
+        self._wanted: list[DoneDeeds] = []
+
+    def want(self, deeds: DoneDeeds) -> None:
+        """Collect requested deeds."""
+        self._wanted.append(deeds)
+
+    def do(self, part: int, *, is_first: bool) -> None:
+        """Start the requested deeds of a part of the turn; `is_first`: no other part was played before."""
+        self._now = [one for one in self._wanted if one.part == part]
+        self._wanted = [one for one in self._wanted if one.part != part]
+        self.last = self._now if is_first else [*self.last, *self._now]
+        self._refused.clear()
+
+    def refuse(self, game: int, agent: int, kind: str | None) -> None:
+        """Refuse the deeds of one kind of an agent in the current part of the turn; None: of all kinds."""
+        self._refused.add((game, agent, kind))
+
+    def withdraw(self, failed: Iterable[tuple[int, int]]) -> None:
+        """Refuse all deeds of agents whose action failed, given as (game, agent) pairs."""
+        self._refused.update((game, agent, None) for game, agent in failed)
+
+    def note(self) -> None:
+        """Log the deeds of the current part of the turn, except refused ones."""
+        if self._refused:
+            before = self.last[: len(self.last) - len(self._now)]
+            self._now = [one.without(self._refused) for one in self._now]
+            self.last = [*before, *self._now] if before else self._now
+        if self._now:
+            self._pending.append(self._now)
+
+    # -- the deeds of a turn -----------------------------------------------------------------------------------------
+
+    def in_turn(
+        self, games: IntArray, turn: IntArray, kind: str, as_arrays: AsArrays, *, is_moving: bool
+    ) -> list[ArrayDeeds]:
+        """Return the deeds of one kind that were done in a turn; their `at` are indices into `games`.
+
+        Args:
+            games: the numbers of the games.
+            turn: (games,) the number of the turn in each game.
+            kind: the name of the deed.
+            as_arrays: returns deeds of plain functions as arrays.
+            is_moving: whether the agents of the last part of the turn are about to move; then only their deeds count.
+        """
+        number = places_of(games, self._num_games)
+        tables = self._now if is_moving else self.last
+        found = [one.of_kind(kind, number, turn, as_arrays) for one in tables]
+        return [one for one in found if one is not None]
+
+    def rows_in_turn(self, game: int, turn: int, *, is_moving: bool) -> list[DeedRow]:
+        """Return the deeds of a game in a turn; see `in_turn`."""
+        tables = self._now if is_moving else self.last
+        if self._read is not tables:
+            self._read = tables
+            self._rows = {}
+            for row in _rows_of(tables):
+                self._rows.setdefault(row[0], []).append(row)
+        return [row for row in self._rows.get(game, ()) if row[5] == turn]
+
+    def last_of(self, game: int) -> list[DoneDeeds]:
+        """Return the deeds of a game in its last turn, as those of a game that is alone."""
+        if self._num_games == 1:
+            return self.last
+        return [PlainDeeds(0, _in_game(0, [row for row in _rows_of(self.last) if row[0] == game]))]
+
+    def go_to(self, last: list[DoneDeeds]) -> None:
+        """Restore the deeds of the last turn, which were `last` at that moment."""
+        self.last = last
+        self._now = last
+
+    # -- the games ---------------------------------------------------------------------------------------------------
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]], last: Iterable[DoneDeeds] = ()) -> None:
+        """Start the empty logs of some games with entries of earlier turns, and with the deeds of the last turn.
+
+        Args:
+            games: the numbers of the games.
+            entries: the entries of each game.
+            last: the deeds of a game that is alone, see `last_of`.
+        """
+        super().begin(games, entries)
+        rows = _rows_of(last)
+        if rows:
+            self.last = [*self.last, *(PlainDeeds(0, _in_game(game, rows)) for game in games.tolist())]
+
+    def forget(self, games: IntArray) -> None:
+        """Remove the deeds of games."""
+        super().forget(games)
+        self.last = [one.without_games(games) for one in self.last]
+
+    def clear(self) -> None:
+        """Remove the deeds of all games."""
+        super().clear()
+        self.last = []
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        undo_log = super().checkpoint()
+        last = self.last
+
+        def undo() -> None:
+            undo_log()
+            self.last = last
+
+        return undo
+
+    def _entries(self, noted: list[DoneDeeds]) -> Iterator[tuple[int, dict[str, Any]]]:
+        rows = noted[0].rows()
+        if len(noted) > 1:
+            rows = sorted(_rows_of(noted), key=itemgetter(0, 1, 2))
+        for game, _, _, name, kind, turn, node, fields in rows:
+            yield game, {"turn": turn, "agent": name, "deed": kind, "at": node, **fields}
+
+
+def _rows_of(tables: Iterable[DoneDeeds]) -> list[DeedRow]:
+    """Return the deeds of several tables."""
+    return [row for one in tables for row in one.rows()]
+
+
+def _in_game(game: int, rows: Iterable[DeedRow]) -> list[DeedRow]:
+    """Return deeds as those of a game with this number."""
+    return [(game, *row[1:]) for row in rows]
