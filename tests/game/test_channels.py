@@ -468,3 +468,47 @@ def test_channels_cannot_be_changed_while_agents_decide():
         ctx.agent.get_agent("ann").register_strategy(strategy)
         ctx.game.run(1)
         assert list(ctx.game.channels) == ["radio"]
+
+
+def test_a_name_hears_what_was_sent_to_it_before_its_agent_was_created_again():
+    with world(ROAD, plan=once([send("bob")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10, delay_turns=3)
+        ctx.game.step()
+        ctx.agent.delete_agent("bob")
+        ctx.agent.delete_agent("ann")
+        ctx.game.step()
+        keep = lambda state: ctx.heard.append((state["turn"], "bob", state["inbox"]))
+        ctx.agent.create_agent("bob", start_node_id=7, strategy=keep)
+        ctx.game.run(2)
+        assert inboxes(ctx, "bob") == {3: ["hello"]}
+        assert [one["sender"] for one in ctx.game.messages] == ["ann"]
+
+
+def test_the_log_stays_the_same_list_and_holds_what_was_not_read():
+    with noisy() as ctx:
+        log = ctx.game.messages
+        ctx.game.step()
+        assert ctx.game.messages is log
+        first = list(log)
+        snapshot = ctx.game.snapshot()
+        ctx.game.step()
+        ctx.game.restore(snapshot)
+        assert ctx.game.messages == first
+        ctx.game.step()
+        with_unread = ctx.game.fork(seed=9)
+        assert with_unread.messages == ctx.game.messages
+        assert [one["turn"] for one in ctx.game.messages] == [1] * len(first) + [2] * len(first)
+        for game in (with_unread, ctx.game):
+            game.run(3)
+        assert with_unread.messages[: len(first)] == first
+
+
+def test_an_entry_that_a_program_adds_to_the_log_arrives():
+    with world(ROAD) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        ctx.game.step()
+        entry = {"turn": 1, "channel": "radio", "sender": "ann", "to": None, "body": 5, "size": 1}
+        ctx.game.messages.append(entry | {"heard": {"bob": 2}, "overheard": {}, "lost": [], "jammed": []})
+        ctx.game.run(2)
+        assert inboxes(ctx, "bob") == {1: [5]}
+        assert len(ctx.game.messages) == 1

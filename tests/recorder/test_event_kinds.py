@@ -240,6 +240,7 @@ def test_every_field_of_a_game_is_recorded_or_is_known_not_to_be():
     """A new field of `GameState` gets an event kind, and a line in one of these tables, or a place in this set."""
     not_recorded = {"errors", "counts", "timings", "moves", "departed", "last_turn", "start", "has_begun"}
     not_recorded |= {"stream_version", "marked", "drawn", "parts_played"}
+    not_recorded |= {"under_way", "unlogged"}  # they follow from the messages
     by_itself = {"began", "turn"}  # with GAME_TURN
     names = {field.name for field in dataclasses.fields(GameState)} - {"deed_log", "row"} | {"deeds"}  # which they hold
     assert names - not_recorded == DETECTED.keys() | by_itself

@@ -17,12 +17,10 @@ from gamms.errors import GammsError
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, LearnerWriter, TowardsInBatch, asked_view
-from gamms.game.block.channels import MessageTraffic, radio_of
 from gamms.game.block.columns import (
     AgentTable,
     BeginsAgain,
     ComingAgent,
-    Failure,
     PlayedGame,
     decider_of,
     in_threads,
@@ -47,7 +45,7 @@ from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
 from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import DeclaredDeeds, checked_value
-from gamms.game.messages import ANTENNA, MessagePositions
+from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction
 from gamms.game.movement.roads import join_streets
@@ -55,7 +53,7 @@ from gamms.game.order import left_out
 from gamms.game.result import Result, list_opponents
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, strategy_spec_of
-from gamms.ir.columns import some_rows
+from gamms.ir.columns import Failure, some_rows
 from gamms.ir.deeds import DeedLog, DeedsInArrays
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
@@ -658,7 +656,7 @@ class BatchEngine(TurnDriver):
             begin[of_map] = movement.streets.rows(start[of_map])
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
-        self._state.radio = radio_of(settings, rosters[0], len(seeds))
+        self._state.radio = _radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
         self._has_deeds = bool(settings["deeds"])
@@ -1014,7 +1012,7 @@ class BatchEngine(TurnDriver):
             if one.cursor is not None:
                 one.cursor.collect(games)
         if self._radio is not None:
-            self._radio.end_turn()
+            self._radio.end_turns(1)
         return 0
 
     def _play_core(self, playing: BoolArray, part: int, phase: int | None) -> None:
@@ -1389,6 +1387,13 @@ class BatchEngine(TurnDriver):
         )
 
 
+def _radio_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
+    """Return the messages of games with these settings; None: they have no channels."""
+    channels = settings["channels"]
+    part_of = roster.part_of(settings["order"])
+    return MessageTraffic(channels, roster.team_by_name(), part_of, num_games) if channels else None
+
+
 def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
     """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
     are_created = first_called(game, roster) is not None
@@ -1467,7 +1472,9 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games:
         xyz=xyz,
         antennas=antennas,
         alive=state.alive[games],
-        purposes=lambda *purpose: state.purposes(*purpose)[games],
+        send_keys=lambda channel, names: np.stack(
+            [state.purposes("channel", channel, name)[games] for name in names], axis=1
+        ),
         is_within=is_within,
         visible=game.ctx.graph.visible,
         place_of=lambda node: columns.xy[columns.node_ids == node].tolist(),

@@ -244,6 +244,8 @@ def checked_outboxes(
     for channel in {one.channel: channels[one.channel] for one in wanted.values()}.values():
         keys = [key for key, one in wanted.items() if one.channel == channel.name]
         messages = [wanted[key] for key in keys]
+        if takes_all(channel, [one.to for one in messages]):
+            continue
         rows, sizes = (
             np.array(column) for column in ([row_of[one.sender] for one in messages], [one.size for one in messages])
         )
@@ -267,6 +269,11 @@ def bytes_of(channel: Channel, shape: tuple[int, ...]) -> IntArray:
     return np.full(shape, _UNLIMITED if channel.max_bytes_per_turn is None else channel.max_bytes_per_turn, np.int64)
 
 
+def takes_all(channel: Channel, to: Sequence[Any]) -> bool:
+    """Return whether a channel refuses no messages to these recipients from agents that may use it."""
+    return channel.max_bytes_per_turn is None and to.count(None) == len(to)
+
+
 def refusals(
     channel: Channel,
     sent: tuple[IntArray, IntArray, Sequence[Any], IntArray],
@@ -284,7 +291,7 @@ def refusals(
         left: (games, agents) the numbers of bytes that agents may still send; see `bytes_of`.
     """
     at, senders, to, sizes = sent
-    if channel.max_bytes_per_turn is None and to.count(None) == len(to):
+    if takes_all(channel, to):
         return {}
     uses = np.array([channel.is_for(team) for team in teams.values()], np.uint8)
     verdicts = np.zeros_like(at)

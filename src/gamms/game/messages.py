@@ -6,26 +6,46 @@ outcome of a message, and messages under way follow from the log.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
 from itertools import pairwise
+from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_key
 from gamms.core import messages as core
-from gamms.game.channels import Channel, Jammer, Outgoing, checked_outboxes, groups_of, matching, unknown_in
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.channels import (
+    Channel,
+    Jammer,
+    Outgoing,
+    as_body,
+    bytes_of,
+    checked_outboxes,
+    flaw_of,
+    groups_of,
+    matching,
+    receivers_of,
+    refusals,
+    refuse_others,
+    size_of,
+    unknown_in,
+)
 from gamms.game.movement.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.chances import as_chances
+from gamms.ir.columns import Failure, GameLog, joined_rows, places_of, some_rows
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.readonly import copied
+from gamms.plain import to_plain
+from gamms.readonly import copied, locked
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -35,6 +55,11 @@ _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 ANTENNA = np.array((0.0, 0.0, 1.6))  # the offset from an agent on the ground to its antenna, metres
 _AT_ONCE = 1 << 20  # the maximum number of messages times agents per call of the core
+UNKNOWN_SIZE = -1  # of a body
+_MOST_OF_ONE = 1 << 20  # messages of one agent in a turn
+_REPLACED = 1 << 62  # the turn before a log was replaced: after all turns
+_ONE = np.zeros(1, np.int64)  # the number of the only game
+_NOTHING: Mapping[str, list[Any]] = {}
 _MOST_TERMS = 64  # the size of the cache of core channels
 
 
@@ -47,7 +72,7 @@ class MessagePositions(NamedTuple):
         turns: (games,) the number of turns played before this one.
         xyz, antennas: (games, agents, 3) the positions of the agents and of their antennas.
         alive: (games, agents) whether the agent is alive.
-        purposes: returns hashes of the seeds and a purpose, (games,).
+        send_keys: returns hashes of the seeds, the name of a channel and the names of senders, (games, senders).
         is_within: returns which agents are within a number of edges of transmitters, (transmitters, agents); called
             with the games and the agents of the transmitters, (transmitters,), and the number.
         visible: returns which points, (points, 3), are visible from a point, (3,).
@@ -60,7 +85,7 @@ class MessagePositions(NamedTuple):
     xyz: FloatArray
     antennas: FloatArray
     alive: BoolArray
-    purposes: Callable[..., BitArray]
+    send_keys: Callable[[str, Sequence[str]], BitArray]
     is_within: Callable[[IntArray, IntArray, int], BoolArray]
     visible: Callable[[FloatArray, FloatArray], BoolArray]
     place_of: Callable[[int], Sequence[Any]]
@@ -102,41 +127,11 @@ class MessagePositions(NamedTuple):
             xyz=xyz,
             antennas=antennas,
             alive=np.ones((1, len(agents)), np.bool_),
-            purposes=lambda *purpose: np.array([kernels.purpose_key(ctx.seed, *purpose)], np.uint64),
+            send_keys=lambda channel, names: _send_keys(ctx.seed, channel, tuple(names)),
             is_within=is_within,
             visible=ctx.graph.visible,
             place_of=lambda node: graph.positions([node]).tolist() if graph.has_node(node) else [],
         )
-
-
-def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing], turn: int) -> list[dict[str, Any]]:
-    """Return the log entries of messages that are sent now.
-
-    Args:
-        ctx: the context, for its map and channels.
-        agents: the living agents, in the order of names.
-        outgoing: the messages; those of dead senders are dropped.
-        turn: the number of turns played before this one.
-    """
-    row_of = {agent.name: row for row, agent in enumerate(agents)}
-    channels = ctx.game.channels
-    going = [one for one in outgoing if one.channel in channels and one.sender in row_of]
-    if not going:
-        return []
-    scene = MessagePositions.of(ctx, agents, turn)
-    fates = dict[str, Iterator[dict[str, Any]]]()
-    for name in dict.fromkeys(one.channel for one in going):
-        messages = [one for one in going if one.channel == name]
-        senders = np.array([row_of[one.sender] for one in messages])
-        found = outcomes_of(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in messages])
-        fates[name] = found.entries(list(row_of), len(messages))
-    return [entry_of(one, turn + 1, next(fates[one.channel])) for one in going]
-
-
-def entry_of(message: Outgoing, turn: int, fate: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the log entry of a message that is sent in a turn, from 1; see `MessageOutcomes.entries` for its fate."""
-    sender, channel, to, body, size = message
-    return {"turn": turn, "channel": channel, "sender": sender, "to": to, "body": body, "size": size, **fate}
 
 
 class MessageOutcomes(NamedTuple):
@@ -217,8 +212,9 @@ class _Network:
         jammers = tuple(place for one in channel.jammers for place in _places_of(one, scene))
         self._terms = _terms_of(channel, names, tuple(scene.teams.values()), jammers)
         self._purposes = np.zeros((games, agents) if channel.loss else 0, np.uint64)
-        for sender in np.unique(senders).tolist() if channel.loss else ():
-            self._purposes[:, sender] = scene.purposes("channel", channel.name, names[sender])
+        if channel.loss:
+            sending = np.flatnonzero(np.bincount(senders))
+            self._purposes[:, sending] = scene.send_keys(channel.name, [names[i] for i in sending.tolist()])
         self._slots = np.full(games * agents, -1)
         self._awaited = np.zeros(games * agents, np.int64)
         self._reach = np.zeros((0, agents), np.uint8)
@@ -279,6 +275,12 @@ def _terms_of(
     )
 
 
+@lru_cache(maxsize=_MOST_TERMS)
+def _send_keys(seed: int, channel: str, names: tuple[str, ...]) -> BitArray:
+    """Return hashes of a seed, a channel and the names of senders, (1, senders)."""
+    return locked(kernels.purpose_keys([seed], [("channel", channel, name) for name in names]))
+
+
 def _places_of(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...]]:
     """Return a jammer as tuples: the number of an agent, or -1 with x, y and z of a place; and the radius."""
     if jammer.at is None:
@@ -288,48 +290,588 @@ def _places_of(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...
     return [(-1, x, y, 0.0, jammer.radius_m) for x, y in places]
 
 
-class Outboxes:
-    """The messages that agents send in a turn.
+# -- storage ------------------------------------------------------------------------------------------------------
+
+
+class OutgoingMessages(NamedTuple):
+    """Messages that agents send together by one channel; arrays are (messages,).
+
+    Attributes:
+        channel: the name of the channel.
+        at: the game of each message, as a number in the storage; -1: the messages of the game were dropped.
+        senders: the number of the sender in `names`; -1: it is not in the game any more.
+        to: the recipient: an agent, a team, or None.
+        bodies: the bodies.
+        sizes: the sizes of the bodies, bytes; -1: unknown.
+        are_plain: whether body and recipient were converted by `to_plain`.
+        order: orders the messages of one agent; `MessageTraffic.admit` adds a multiple of 2**20 for its number in the
+            turn.
+        names: the names of the agents, by number.
+    """
+
+    channel: str
+    at: IntArray
+    senders: IntArray
+    to: list[Any]
+    bodies: list[Any]
+    sizes: IntArray
+    are_plain: BoolArray
+    order: IntArray
+    names: tuple[str, ...]
+
+    def renumber(self, names: tuple[str, ...]) -> "OutgoingMessages":
+        """Return the same messages with the numbers of the senders among other names."""
+        if names == self.names:
+            return self
+        return self._replace(senders=renumbering(self.names, names)[self.senders], names=names)
+
+
+class ReceivedMessages(NamedTuple):
+    """The messages in the inboxes of the agents of a view, by game, then by agent, then in the order of sending.
+
+    Attributes:
+        at: (messages,) the game, as an index in the view.
+        hearers: (messages,) the agent, as an index in the view.
+        senders: (messages,) the number of the sender in the roster; -1: it is not in the roster any more.
+        bodies: (messages,) the bodies; read-only.
+        turns: (messages,) the number of turns played when the message was sent.
+        overheard: (messages,) whether the message was for other agents.
+    """
+
+    at: IntArray
+    hearers: IntArray
+    senders: IntArray
+    bodies: list[Any]
+    turns: IntArray
+    overheard: BoolArray
+
+
+class _Received(NamedTuple):
+    """A message as agents hear it.
+
+    Attributes:
+        turn, place: orders messages by sending.
+        message: the entry of an inbox.
+        copy: copies its body for each recipient; None: the body is immutable.
+    """
+
+    turn: int
+    place: int
+    message: dict[str, Any]
+    copy: Callable[[Any], Any] | None
+
+    def overhear(self) -> "_Received":
+        """Return the same message for an agent that it is not for."""
+        return self._replace(message=self.message | {"overheard": True})
+
+
+class SentMessages:
+    """Sent messages of one channel, and their outcomes.
+
+    Attributes:
+        box: the messages.
+        turns: (messages,) the turn of each message, from 1.
+        place: (messages,) orders the messages of one game and turn.
+        fates: the outcomes of the messages.
+    """
+
+    __slots__ = ("_received", "box", "fates", "place", "turns")
+
+    def __init__(self, box: OutgoingMessages, turns: IntArray, place: IntArray, fates: MessageOutcomes) -> None:
+        self.box = box
+        self.turns = turns
+        self.place = place
+        self.fates = fates
+        self._received: dict[tuple[int, int], dict[str, list[_Received]]] | None = None
+
+    def forget(self, games: IntArray) -> "SentMessages":
+        """Return these messages without those of some games."""
+        at = np.where(np.isin(self.box.at, games), -1, self.box.at)
+        return SentMessages(self.box._replace(at=at), self.turns, self.place, self.fates)
+
+    def received(self, game: int, turn: int) -> "Mapping[str, list[_Received]]":
+        """Return agent -> the messages that it hears, in order, for agents of a game that hear some in a turn."""
+        if self._received is None:
+            self._received = self._find_received()
+        return self._received.get((game, turn), _NOTHING)
+
+    def forget_received(self) -> None:
+        """Drop the messages that were made for inboxes."""
+        self._received = None
+
+    def _find_received(self) -> "dict[tuple[int, int], dict[str, list[_Received]]]":
+        """Return (game, turn) -> agent -> the messages that it hears, in order."""
+        box = self.box
+        found = defaultdict[tuple[int, int], dict[str, list[_Received]]](partial(defaultdict, list))
+        columns = [column.tolist() for column in (box.at, self.turns, self.place, box.senders)]
+        names = box.names
+        heard_it = core.HEARD
+        known = -1
+        for number, agent, outcome, arrival in zip(*(column.tolist() for column in self.fates), strict=True):
+            if not arrival:
+                continue
+            if known != number:
+                game, turn, place, sender = (column[number] for column in columns)
+                to, body = self.plain(number)
+                message = {"channel": box.channel, "sender": names[sender], "to": to, "body": body}
+                message |= {"turn": turn - 1, "overheard": False}
+                heard = _Received(turn, place, message, _copy_of(body))
+                known = number
+                of_turn = 0
+            if of_turn != arrival:
+                by_name = found[game, arrival]
+                of_turn = arrival
+            by_name[names[agent]].append(heard if outcome == heard_it else heard.overhear())
+        return found
+
+    def plain(self, message: int) -> tuple[Any, Any]:
+        """Return the recipient and the body of a message as plain values."""
+        to, body = self.box.to[message], self.box.bodies[message]
+        return (to, body) if self.box.are_plain[message] else (to_plain(to), to_plain(body))
+
+    def entries(self) -> Iterator[tuple[int, int, dict[str, Any]]]:
+        """Yield (game, place, log entry) for each message."""
+        box = self.box
+        columns = box.at.tolist(), self.place.tolist(), self.turns.tolist(), box.senders.tolist(), box.sizes.tolist()
+        fates = self.fates.entries(box.names, len(box.at))
+        for number, (game, place, turn, sender, size, fate) in enumerate(zip(*columns, fates, strict=True)):
+            to, body = self.plain(number)
+            yield (
+                game,
+                place,
+                {
+                    "turn": turn,
+                    "channel": box.channel,
+                    "sender": box.names[sender],
+                    "to": to,
+                    "body": body,
+                    "size": size_of(body) if size == UNKNOWN_SIZE else size,
+                    **fate,
+                },
+            )
+
+
+class UnderWay(NamedTuple):
+    """The messages of one game that are under way; a value of its state, which snapshots and copies share.
+
+    Attributes:
+        turn: the number of turns that were played.
+        logged, last: the number of messages in the log, and the last one; None: it is not written yet.
+        sent: pairs of remaining turns and messages.
+    """
+
+    turn: int
+    logged: int
+    last: dict[str, Any] | None
+    sent: tuple[tuple[int, SentMessages], ...]
+
+    def is_of(self, log: Sequence[dict[str, Any]]) -> bool:
+        """Return whether a log is the one of these messages."""
+        return len(log) == self.logged and self.begins(log)
+
+    def begins(self, log: Sequence[dict[str, Any]]) -> bool:
+        """Return whether a log begins with the one of these messages: logs are only appended to and truncated."""
+        return not self.logged or (len(log) >= self.logged and log[self.logged - 1] is self.last)
+
+
+_NONE_UNDER_WAY = UnderWay(0, 0, None, ())
+
+
+class MessageTraffic(GameLog[list[SentMessages]]):
+    """The messages of games that play by the same channels: of one game, or of a batch.
+
+    In each turn, `post` and `post_checked` collect messages, `admit` refuses messages that the channels do not accept,
+    and `send` determines the receivers of the others after all agents have moved. What is sent is a table of columns;
+    log entries and inboxes are made from it.
+
+    Args:
+        channels: the channels by name.
+        teams: agent -> its team, for all agents of every game.
+        part_of: (agents,) the part of the turn in which each agent decides.
+        num_games: the number of games.
+
+    Attributes:
+        channels, teams: see the arguments.
+        names: the names of the agents, by number.
+    """
+
+    def __init__(
+        self, channels: Mapping[str, Channel], teams: Mapping[str, Any], part_of: IntArray, num_games: int
+    ) -> None:
+        super().__init__(num_games)
+        self.channels = channels
+        self.teams = teams
+        self.names = tuple(teams)
+        self._part_of = part_of
+        self._under_way: tuple[tuple[int, SentMessages], ...] = ()  # (remaining turns, messages)
+        self.begin_turn()
+
+    # -- sending ------------------------------------------------------------------------------------------------
+
+    def begin_turn(self) -> None:
+        """Drop posted messages that were not sent."""
+        self._posted: list[OutgoingMessages] = []
+        self._admitted: list[OutgoingMessages] = []
+        self._admissions = 0  # of the turn
+        self._first_admitted = 0  # the first outbox of the last admission
+        self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
+        self._flaws: list[Failure] = []
+
+    def checked(
+        self, channel: str, where: BoolArray, who: tuple[IntArray, IntArray], to: object, body: object, order: int
+    ) -> OutgoingMessages:
+        """Return the checked messages of a call of `ArrayView.send`.
+
+        `who` are the numbers of the games and of the agents; `order` is the number of the call.
+        """
+        if as_key(channel, "The name of a channel") not in self.channels:
+            raise UnknownName("channel", channel, self.channels)
+        games, agents = who
+        at, which = np.nonzero(where)
+        senders = agents[which]
+        self._refuse_other_teams(self.channels[channel], senders)
+        receivers: list[Any] = [to] * len(at)
+        if isinstance(to, np.ndarray):
+            receivers = self._named(to, where.shape)[at, which].tolist()
+        elif to is not None and not receivers_of(_as_key(to), self.teams):
+            raise UnknownName("agent or team", to, [*self.teams, *dict.fromkeys(self.teams.values())])
+        if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
+            raise BadValue(
+                f"The first axes of an array of bodies are {where.shape}, games and agents: not {body.shape}."
+            )
+        bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
+        for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
+            if not isinstance(one, np.ndarray):
+                as_body(one)
+        sizes = np.full(len(at), UNKNOWN_SIZE)
+        orders = np.full(len(at), order)
+        are_plain = np.zeros(len(at), np.bool_)
+        return OutgoingMessages(channel, games[at], senders, receivers, bodies, sizes, are_plain, orders, self.names)
+
+    def _refuse_other_teams(self, channel: Channel, senders: IntArray) -> None:
+        """Raise BadValue if a channel is not for the team of a sender."""
+        if channel.teams is None:
+            return
+        sending = {self.teams[self.names[number]] for number in np.unique(senders).tolist()}
+        for team in dict.fromkeys(self.teams.values()) if sending else ():
+            if team in sending:
+                refuse_others(channel, team)
+
+    def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+        """Return the names of receivers, (games, agents), from their numbers."""
+        names = np.array(self.names, object)
+        if to.dtype.kind not in "iu" or to.shape not in (shape, shape[1:], ()) or ((to < 0) | (to >= len(names))).any():
+            raise BadValue(
+                f"Receivers of messages are numbers of agents from 0 to {len(names) - 1}, an array {shape}, not "
+                f"{shown(to)}."
+            )
+        return np.broadcast_to(names[to], shape)
+
+    def post(self, boxes: Iterable[OutgoingMessages]) -> None:
+        """Add messages of this turn; `admit` checks later whether the channels accept them.
+
+        The senders of one outbox decide in the same part of the turn.
+        """
+        self._posted += [box for box in boxes if len(box.at)]
+
+    def post_checked(self, game: int, messages: Sequence[Outgoing], flaws: Iterable[Failure] = ()) -> None:
+        """Add messages of a game that the channels accept, and the errors of other messages."""
+        for order, one in enumerate(messages):
+            self._checked.setdefault(one.channel, []).append((game, one, order))
+        self._flaws += flaws
+
+    def admit(self, part: int, is_there: BoolArray) -> list[Failure]:
+        """Check the posted messages of a part of the turn; return the errors of refused messages, by game and agent.
+
+        Args:
+            part: the part of the turn.
+            is_there: (games, agents) whether the agent is in the game, dead or alive.
+        """
+        here = [box for box in self._posted if self._part_of[box.senders[0]] == part]
+        self._posted = [box for box in self._posted if self._part_of[box.senders[0]] != part]
+        first = len(self._admitted)
+        flaws = self._flaws + self._take_posted(here, is_there)
+        self._flaws = []
+        self.admit_checked()
+        self._first_admitted = first
+        return sorted(flaws, key=attrgetter("game", "agent"))
+
+    def admit_checked(self) -> None:
+        """Admit the messages that were checked when they were posted."""
+        self._first_admitted = len(self._admitted)
+        first = self._admissions * _MOST_OF_ONE
+        number_of = {name: number for number, name in enumerate(self.names)}
+        for channel, rows in self._checked.items():
+            games, messages, orders = zip(*rows, strict=True)
+            names, _, to, bodies, sizes = zip(*messages, strict=True)
+            columns = games, [*map(number_of.__getitem__, names)], sizes, orders
+            at, senders, packed, order = np.array(columns, np.int64)
+            are_plain = np.ones(len(rows), np.bool_)
+            box = OutgoingMessages(channel, at, senders, [*to], [*bodies], packed, are_plain, order + first, self.names)
+            self._admitted.append(box)
+        self._checked = {}
+        self._admissions += 1
+
+    def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
+        """Drop the messages of the last admission by agents whose action failed, given as (game, agent) pairs."""
+        for number, box in enumerate(self._admitted[self._first_admitted :], self._first_admitted):
+            senders = zip(box.at.tolist(), box.senders.tolist(), strict=True)
+            self._admitted[number] = some_rows(box, np.array([one not in failed for one in senders], np.bool_))
+
+    def _take_posted(self, boxes: Sequence[OutgoingMessages], is_there: BoolArray) -> list[Failure]:
+        """Admit posted messages that the channels accept; return the errors of the others."""
+        flaws = list[Failure]()
+        place = np.zeros(is_there.shape, np.int64)
+        left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
+        for box in boxes:
+            channel = self.channels[box.channel]
+            if channel.max_bytes_per_turn is not None:
+                by_id = {id(body): body for body in box.bodies}
+                size_by_id = {key: size_of(to_plain(body)) for key, body in by_id.items()}
+                box.sizes[:] = [size_by_id[id(body)] for body in box.bodies]
+            sent = box.at, box.senders, box.to, np.maximum(box.sizes, 0)
+            errors = refusals(channel, sent, is_there, self.teams, left[box.channel])
+            for row, error in errors.items():
+                game = int(box.at[row])
+                sender = int(box.senders[row])
+                flaws.append(Failure.illegal(game, sender, flaw_of(int(place[game, sender]), error)))
+            place[box.at, box.senders] += 1
+            box.order[:] += self._admissions * _MOST_OF_ONE
+            self._admitted.append(some_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
+        return flaws
+
+    @property
+    def is_sending(self) -> bool:
+        """Return whether there are messages to send in this turn."""
+        return len(self._admitted) > 0
+
+    def send(self, games: IntArray, scene: MessagePositions) -> None:
+        """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
+        number = places_of(games, self._num_games)
+        names = tuple(scene.teams)
+        sent = list[SentMessages]()
+        for name in self.channels:
+            boxes = [box.renumber(names) for box in self._admitted if box.channel == name]
+            if not boxes:
+                continue
+            box = joined_rows(boxes)
+            at = number[box.at]
+            those = np.flatnonzero((at >= 0) & (box.senders >= 0) & scene.alive[at, box.senders])
+            if not len(those):
+                continue
+            admission, order = np.divmod(box.order[those], _MOST_OF_ONE)
+            place = (admission * len(names) + box.senders[those]) * _MOST_OF_ONE + order
+            by_place = np.lexsort((place, at[those]))
+            box = some_rows(box, those[by_place])
+            at = number[box.at]
+            fates = outcomes_of(self.channels[name], scene, at, box.senders, box.to)
+            sent.append(SentMessages(box, scene.turns[at] + 1, place[by_place], fates))
+        self._pending.append(sent)
+        left = [int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)) for one in sent]
+        self._under_way += (*zip(left, sent, strict=True),)
+
+    def end_turns(self, turns: int) -> None:
+        """Drop messages that have arrived in all games when these have played some more turns."""
+        for left, sent in self._under_way:
+            if left < turns:
+                sent.forget_received()
+        self._under_way = (*((left - turns, sent) for left, sent in self._under_way if left >= turns),)
+
+    # -- hearing ------------------------------------------------------------------------------------------------
+
+    def share(self, teams: Mapping[str, Any], part_of: IntArray) -> "MessageTraffic":
+        """Return the messages that are under way for agents with other numbers, see the arguments of the class."""
+        found = MessageTraffic(self.channels, teams, part_of, self._num_games)
+        found._under_way = self._under_way
+        return found
+
+    def heard(
+        self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
+    ) -> ReceivedMessages:
+        """Return the messages that agents hear by a channel in the next turn; see `ReceivedMessages`."""
+        if as_key(channel, "The name of a channel") not in self.channels:
+            raise UnknownName("channel", channel, self.channels)
+        none = np.zeros(0, np.int64)
+        found = [ReceivedMessages(none, none, none, [], none, none > 0)]
+        places = [none]
+        number = places_of(games, self._num_games + 1)  # the last entry, index -1, is for dropped games
+        column = places_of(agents, len(self.names) + 1)  # the last entry, index -1, is for unknown agents
+        for _, sent in self._under_way:
+            if sent.box.channel != channel:
+                continue
+            fates = sent.fates
+            box = sent.box.renumber(self.names)
+            known = fates.agents
+            if box is not sent.box:
+                known = renumbering(sent.box.names, self.names)[known]
+            at = number[box.at[fates.messages]]
+            hearers = column[known]
+            arrives = (at >= 0) & (hearers >= 0) & (fates.arrivals == turns[at] + 1)
+            rows = np.flatnonzero(arrives & asked[at, hearers])
+            which = fates.messages[rows]
+            overheard = fates.outcomes[rows] == core.OVERHEARD
+            bodies = [box.bodies[message] for message in which.tolist()]
+            found.append(
+                ReceivedMessages(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard)
+            )
+            places.append(sent.place[which])
+        heard = joined_rows(found)
+        keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
+        return some_rows(heard, np.lexsort(keys))
+
+    def inbox(self, game: int, turn: int, name: str) -> list[dict[str, Any]]:
+        """Return the messages that an agent of a game hears after some turns, in the order of sending."""
+        heard = list[_Received]()
+        channels = 0
+        for _, sent in self._under_way:
+            found = sent.received(game, turn + 1).get(name)
+            if found and sent.box.channel in self.channels:
+                heard += found
+                channels += 1
+        if channels > 1:
+            heard.sort(key=itemgetter(0, 1))
+        inbox = list[dict[str, Any]]()
+        for _, _, known, copy in heard:
+            message = known.copy()
+            if copy is not None:
+                message["body"] = copy(message["body"])
+            inbox.append(message)
+        return inbox
+
+    # -- the log ------------------------------------------------------------------------------------------------
+
+    def go_on(self, games: IntArray, entries: Sequence[dict[str, Any]], turn: int) -> None:
+        """Start the empty logs of games after `turn` turns with earlier messages; some may still have to arrive."""
+        self.begin(games, entries)
+        self.put_under_way(games, entries, turn)
+
+    def put_under_way(self, games: IntArray, entries: Iterable[dict[str, Any]], turn: int) -> None:
+        """Put logged messages that some agents hear after `turn` turns under way again."""
+        waiting: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+        for place, entry in enumerate(entries):
+            if _last_arrival(entry) > turn:
+                waiting.setdefault(entry["channel"], []).append((place, entry))
+        for channel, rows in waiting.items():
+            last = max(_last_arrival(entry) for _, entry in rows)
+            self._under_way += ((last - turn - 1, _sent_again(channel, games, rows)),)
+
+    def forget(self, games: IntArray) -> None:
+        """Drop the messages of some games."""
+        super().forget(games)
+        self._under_way = (*((left, sent.forget(games)) for left, sent in self._under_way),)
+
+    def clear(self) -> None:
+        """Drop the messages of all games."""
+        super().clear()
+        self._under_way = ()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        undo_log = super().checkpoint()
+        under_way = self._under_way
+
+        def undo() -> None:
+            undo_log()
+            self._under_way = under_way
+
+        return undo
+
+    def _entries(self, noted: list[SentMessages]) -> Iterator[tuple[int, dict[str, Any]]]:
+        rows = [row for sent in noted for row in sent.entries()]
+        for game, _, entry in sorted(rows, key=itemgetter(0, 1)):
+            yield game, entry
+
+
+class GameMessages(MessageTraffic):
+    """The messages of one game, whose agents and channels come and go.
+
+    Their log is the one in the state of the game, which snapshots, replays and copies may cut, lengthen or replace.
 
     Args:
         ctx: the context, for its agents.
         settings: the settings of the game.
-
-    Attributes:
-        outgoing: the messages of the current turn.
+        state: the state of the game.
     """
 
-    def __init__(self, ctx: HostContext, settings: Settings) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings, state: GameState) -> None:
+        super().__init__({}, {}, _ONE, 1)
         self._ctx = ctx
         self._settings = settings
-        self.outgoing: list[Outgoing] = []
+        self._state = state
         self._known_channels: list[Channel] = []  # channels whose names were checked
+        self._found: UnderWay | None = None  # what was noted in the state at the last call
 
-    def take(self, slots: Iterable[AgentSlot], turn: int) -> list[tuple[AgentSlot, str]]:
+    def take(self, slots: Iterable[AgentSlot], names: Sequence[str]) -> list[tuple[AgentSlot, str]]:
         """Collect the outboxes of agents; return (slot, error text) for each message that cannot be sent.
+
+        Args:
+            slots: the slots of the agents.
+            names: the names of all agents, in order.
 
         Raises:
             IllegalAction: a message cannot be sent, and `on_illegal` is "raise".
         """
         self._warn_of_unknown_names()
-        messages, unsent = self.read(slots)
+        messages, unsent = read_outboxes(self._ctx, self._settings, slots)
         if unsent and self._settings.on_illegal == "raise":
-            raise IllegalAction(f"Agent {shown(unsent[0][0].name)} in turn {turn}: {unsent[0][1]}")
-        self.outgoing += messages
+            raise IllegalAction(f"Agent {shown(unsent[0][0].name)} in turn {self._state.turn}: {unsent[0][1]}")
+        if messages:
+            self.names = tuple(names)
+            self.post_checked(0, messages)
+            self.admit_checked()
         return unsent
 
-    def read(self, slots: Iterable[AgentSlot]) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
-        """Return the messages in outboxes, and (slot, error text) for each message that cannot be sent."""
-        channels = self._settings.channels
-        teams = {one.name: one.team for one in self._ctx.agent.create_iter()}
-        outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
-        return checked_outboxes([one for one in outboxes if one[1] != []], channels, teams)
+    def send_all(self, agents: Sequence[IAgent]) -> None:
+        """Send the collected messages to the living agents, after all agents have moved."""
+        self.follow()
+        self.send(_ONE, MessagePositions.of(self._ctx, agents, self._state.turn))
+        self.begin_turn()
+        self._state.unlogged = self
+        self._note(self._state.turn, self._of_game[0])
 
-    def sent(self, agents: Sequence[IAgent], turn: int) -> list[dict[str, Any]]:
-        """Send the collected messages, after all agents have moved; return their log entries."""
-        outgoing = self.outgoing
-        self.outgoing = []
-        return sent(self._ctx, agents, outgoing, turn)
+    def received(self, name: str) -> list[dict[str, Any]]:
+        """Return the messages that an agent hears in the next turn, in the order of sending."""
+        self.follow()
+        return self.inbox(0, self._state.turn, name)
+
+    def follow(self) -> None:
+        """Notice other channels, and another log or turn after a snapshot, a replay or a copy."""
+        state = self._state
+        turn = state.turn
+        self.channels = self._settings.channels
+        log = self._of_game[0] if self._pending else state.messages
+        found: UnderWay | None = state.under_way
+        if found is not None and found is self._found and found.turn == turn and (self._pending or found.is_of(log)):
+            return
+        if found is None or found.turn > turn or not (self._pending or found.begins(log)):
+            found = _NONE_UNDER_WAY._replace(turn=turn)
+        self._of_game[0] = log
+        self._under_way = found.sent
+        self.end_turns(turn - found.turn)
+        if not self._pending:
+            self.put_under_way(_ONE, log[found.logged :], turn)
+        self._note(turn, log)
+
+    def write(self) -> None:
+        """Write what was sent into the log."""
+        self._state.unlogged = None
+        log = self.of(0)
+        if self._state.under_way is self._found:  # else a snapshot is being restored
+            self._note(self._found.turn if self._found else 0, log)
+
+    def drop(self) -> None:
+        """Drop what was sent and not written into the log, which is replaced."""
+        self._state.unlogged = None
+        self._pending.clear()
+        if self._state.under_way is self._found:  # else a snapshot is being restored
+            self._state.under_way = None
+
+    def _note(self, turn: int, log: Sequence[dict[str, Any]]) -> None:
+        """Note the messages under way in the state of the game, and the log that they are in."""
+        unlogged = sum(len(one.box.at) for sent in self._pending for one in sent)
+        last = log[-1] if log and not unlogged else None
+        self._found = UnderWay(turn, len(log) + unlogged, last, self._under_way)
+        self._state.under_way = self._found
 
     def _warn_of_unknown_names(self) -> None:
         for channel in self._settings.channels.values():
@@ -339,82 +881,57 @@ class Outboxes:
         self._known_channels = list(self._settings.channels.values())
 
 
-class Inboxes:
-    """The messages that agents hear in a turn, found in the log of messages.
-
-    Args:
-        ctx: the context; messages on channels that were removed do not arrive.
-        state: the state of the game.
-    """
-
-    def __init__(self, ctx: HostContext, state: GameState) -> None:
-        self._ctx = ctx
-        self._state = state
-        self._known: list[dict[str, Any]] = []  # the log at the last call
-        self._by_turn: dict[int, list[dict[str, Any]]] = {}  # turn of arrival -> log entries
-        self._turn: int | None = None  # the turn of `_found`
-        self._found: dict[str, list[_Arrival]] = {}  # agent -> its messages of this turn
-
-    def of(self, name: str) -> list[dict[str, Any]]:
-        """Return the messages that an agent hears in the next turn, in the order of sending."""
-        arriving = self._arriving().get(name)
-        inbox = list[dict[str, Any]]()
-        if not arriving:
-            return inbox
-        channels = set(self._ctx.game.channels)
-        for known, copy in arriving:
-            if known["channel"] in channels:
-                message = known.copy()
-                if copy is not None:
-                    message["body"] = copy(message["body"])
-                inbox.append(message)
-        return inbox
-
-    def entries(self) -> list[dict[str, Any]]:
-        """Return the log entries of the messages that agents hear in the next turn, in the order of sending."""
-        self._catch_up(self._state.messages)
-        return self._by_turn.get(self._state.turn + 1, [])
-
-    def _arriving(self) -> "dict[str, list[_Arrival]]":
-        self._catch_up(self._state.messages)
-        turn = self._state.turn + 1
-        if self._turn != turn:
-            self._turn = turn
-            self._found = defaultdict(list)
-            for entry in self._by_turn.get(turn, ()):
-                for key in ARRIVALS:
-                    message = {part: entry[part] for part in ("channel", "sender", "to", "body")}
-                    message |= {"turn": entry["turn"] - 1, "overheard": key == "overheard"}
-                    arrival = message, _copy_of(entry["body"])
-                    for name, at in entry[key].items():
-                        if at == turn:
-                            self._found[name].append(arrival)
-        return self._found
-
-    def _catch_up(self, log: list[dict[str, Any]]) -> None:
-        """Read new entries of the log; after a snapshot was restored, drop entries that no longer exist."""
-        # A log is only appended to and truncated, so two logs with a common entry agree up to this entry.
-        known = self._known
-        same = min(len(known), len(log))
-        while same and known[same - 1] is not log[same - 1]:
-            same -= 1
-        if same == len(known) == len(log):
-            return
-        self._turn = None
-        for entry in reversed(known[same:]):
-            for turn in _turns_of(entry):
-                self._by_turn[turn].pop()
-        for entry in log[same:]:
-            for turn in _turns_of(entry):
-                self._by_turn.setdefault(turn, []).append(entry)
-        known[same:] = log[same:]
+def read_outboxes(
+    ctx: HostContext, settings: Settings, slots: Iterable[AgentSlot]
+) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
+    """Return the messages in the outboxes of agents, and (slot, error text) for each message that cannot be sent."""
+    teams = {one.name: one.team for one in ctx.agent.create_iter()}
+    outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
+    return checked_outboxes([one for one in outboxes if one[1] != []], settings.channels, teams)
 
 
-_Arrival = tuple[dict[str, Any], Callable[[Any], Any] | None]  # a message, and a function that copies its body
+def renumbering(names: Sequence[str], others: Sequence[str]) -> IntArray:
+    """Return the number of each name among other names, and -1 at the end and for names that are not there."""
+    number_of = {name: number for number, name in enumerate(others)}
+    return np.array([*(number_of.get(name, -1) for name in names), -1], np.int64)
 
 
-def _turns_of(entry: dict[str, Any]) -> set[int]:
-    return {*entry["heard"].values(), *entry["overheard"].values()}
+def _last_arrival(entry: Mapping[str, Any]) -> int:
+    """Return the turn in which the last agent hears a logged message; 0: none does."""
+    return max((turn for key in ARRIVALS for turn in entry[key].values()), default=0)
+
+
+def _sent_again(channel: str, games: IntArray, rows: Sequence[tuple[int, dict[str, Any]]]) -> SentMessages:
+    """Return logged messages of a channel in each of some games, given with their places."""
+    entries = [entry for _, entry in rows]
+    arrivals = [
+        (number, name, outcome, turn)
+        for number, entry in enumerate(entries)
+        for outcome, key in ((core.HEARD, "heard"), (core.OVERHEARD, "overheard"))
+        for name, turn in entry[key].items()
+    ]
+    numbers, hearers, outcomes, turns = zip(*arrivals, strict=True)
+    names = tuple(dict.fromkeys((*(entry["sender"] for entry in entries), *hearers)))
+    number_of = {name: number for number, name in enumerate(names)}
+
+    def repeat(values: Iterable[Any]) -> IntArray:
+        return np.tile(np.array([*values], np.int64), len(games))
+
+    first = np.repeat(np.arange(len(games)) * len(entries), len(arrivals))
+    agents = repeat(map(number_of.__getitem__, hearers))
+    fates = MessageOutcomes(first + repeat(numbers), agents, repeat(outcomes).astype(np.uint8), repeat(turns))
+    box = OutgoingMessages(
+        channel,
+        np.repeat(games, len(entries)),
+        repeat(number_of[entry["sender"]] for entry in entries),
+        [entry["to"] for entry in entries] * len(games),
+        [entry["body"] for entry in entries] * len(games),
+        repeat(entry["size"] for entry in entries),
+        np.ones(len(games) * len(entries), np.bool_),
+        repeat(range(len(entries))),
+        names,
+    )
+    return SentMessages(box, repeat(entry["turn"] for entry in entries), repeat(place for place, _ in rows), fates)
 
 
 def _copy_of(body: Any) -> Callable[[Any], Any] | None:
@@ -426,3 +943,9 @@ def _copy_of(body: Any) -> Callable[[Any], Any] | None:
     if kind in (list, dict) and _SCALARS.issuperset(map(type, body.values() if kind is dict else body)):
         return cast("Callable[[Any], Any]", kind.copy)
     return copied
+
+
+def _as_key(to: object) -> Hashable:
+    if not isinstance(to, Hashable):
+        raise BadType(f"The receiver of a message is an agent, a team or None, not {shown(to)}.")
+    return to

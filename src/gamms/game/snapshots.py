@@ -286,11 +286,11 @@ class ForkSource:
                 agent.decide_by(strategy)
         storage.renew_strategies(lambda strategy: strategies[id(strategy)])
         state = target.state
+        state.copy_logs(self.snapshot.part("logs"))
         for name, copy_of in COPY_OF.items():
             value = self.snapshot.get(name)
             if value is not None and not FIELDS[name].is_own:
                 state.put(name, copy_of(value, memo))
-        state.copy_logs(self.snapshot.part("logs"))
         plans = self._settings["plans"].items()
         self.copy_means(target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
         target.collectors.take_copies(self.snapshot.part("collectors"), lambda fn: own(fn, memo))

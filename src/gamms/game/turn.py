@@ -13,7 +13,7 @@ from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
 from gamms.game.deeds import performed_deeds
 from gamms.game.facts import PrivateForks
-from gamms.game.messages import Inboxes, Outboxes
+from gamms.game.messages import GameMessages
 from gamms.game.movement.arrivals import WAITS, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
@@ -62,8 +62,8 @@ class TurnEngine(GameTurn):
 
     Attributes:
         refusals: collects refusals of rules during their checks; else None.
-        inboxes: messages that agents hear.
-        outboxes: messages that agents send.
+        messages: the messages that agents send and hear.
+        read_inbox: returns the messages that an agent hears, by its name.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
         find_shipped: returns the decisions of the agents of an order in the core, see `native.ShippedFinder`; None:
             they are always asked.
@@ -110,8 +110,8 @@ class TurnEngine(GameTurn):
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
-        self.inboxes = Inboxes(ctx, state)
-        self.outboxes = Outboxes(ctx, settings)
+        self.messages = GameMessages(ctx, settings, state)
+        self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.received
 
     @property
     def is_playing(self) -> bool:
@@ -299,7 +299,7 @@ class TurnEngine(GameTurn):
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current state of an agent; its sensors are called."""
         sensed = self.sensed(slot)
-        return self.observed(slot, self._ctx.agent.block.node_of(slot.row), sensed, self.answers, self.inboxes)
+        return self.observed(slot, self._ctx.agent.block.node_of(slot.row), sensed, self.answers)
 
     def sensed(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""
@@ -308,9 +308,7 @@ class TurnEngine(GameTurn):
             sensed[name] = own_copy(name, *sensed[name])
         return sensed
 
-    def observed(
-        self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes
-    ) -> dict[str, Any]:
+    def observed(self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions) -> dict[str, Any]:
         """Return the state of an agent at a node with its sensed data, ready for a decision."""
         block = self._ctx.agent.block
         row = slot.row
@@ -333,7 +331,7 @@ class TurnEngine(GameTurn):
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}
         if self._settings.channels:
-            state["inbox"] = inboxes.of(slot.name)
+            state["inbox"] = self.read_inbox(slot.name)
             state["outbox"] = []
         return state
 
@@ -383,7 +381,7 @@ class TurnEngine(GameTurn):
     def lose_moves(self, error: BaseException) -> None:
         """Undo what a turn has begun that an error has ended: the same numbers are drawn when it is repeated."""
         note_lost(error, self._ctx)
-        self.outboxes.outgoing = []
+        self.messages.begin_turn()
         latest: TurnOrder = self.order_now or self.moves_of
         latest.slots.table.begin_again()
 
@@ -425,9 +423,8 @@ class TurnEngine(GameTurn):
 
     def _send(self, number: int) -> None:  # noqa: ARG002 - as all phases
         """Send the messages of the turn."""
-        state = self.state
-        if self.outboxes.outgoing:
-            state.messages += self.outboxes.sent(self.living(), state.turn)
+        if self.messages.is_sending:
+            self.messages.send_all(self.living())
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
@@ -572,7 +569,7 @@ class TurnEngine(GameTurn):
         if order.has_channels:
             failed = decisions.failed
             asked = [i for i in order.moving.present(part.observing) if i not in failed]
-            unsent = self.outboxes.take([order.slots[i] for i in asked], self.state.turn)
+            unsent = self.messages.take([order.slots[i] for i in asked], order.names)
         self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)

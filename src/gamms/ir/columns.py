@@ -410,6 +410,20 @@ def places_of(numbers: IntArray, most: int) -> IntArray:
     return found
 
 
+class Failure(NamedTuple):
+    """An error of an agent in a game of the batch."""
+
+    game: int
+    agent: int
+    kind: str
+    message: str
+
+    @classmethod
+    def illegal(cls, game: int, agent: int, why: str) -> Failure:
+        """Return the failure for an illegal action, or for a message that cannot be sent."""
+        return cls(game, agent, "illegal", why)
+
+
 class GameLog(ABC, Generic[P]):
     """A log of all games: noted as arrays of many games, and written out for each game when it is read.
 

@@ -305,6 +305,9 @@ class GameState:
         errors: errors of strategies in order, append-only.
         deed_log: the deeds of agents; `deeds` is its list of entries.
         row: the number of the game in `deed_log`.
+        unlogged: the messages that are sent and not in their log yet: `write` adds them to it, and `drop` drops them;
+            None: all are in the log. Any: the game has its own class.
+        under_way: the messages that agents will hear; replaced, never mutated. Any: the game has its own class.
         messages: messages sent on channels, with receivers and arrival turns, in order, append-only: see `ir.messages`.
         blocked: agent -> reason why its last action was not performed; only for blocked agents.
         facts: published facts, read-only values; this dict object is never replaced.
@@ -344,6 +347,8 @@ class GameState:
     errors: list[dict[str, Any]] = game_field(list)
     deed_log: DeedLog = game_field(DeedLog)
     row: int = game_field(int)
+    under_way: Any = game_field(NoneType, _same)
+    unlogged: Any = game_field(NoneType, is_own=True)
     messages: list[dict[str, Any]] = game_field(list)
     blocked: BlockedAgents = game_field(
         BlockedAgents,
@@ -444,6 +449,8 @@ class GameState:
     def go_to(self, marks: LogMarks) -> None:
         """Restore the logs to their state at `marks`."""
         logs, lengths, last = marks
+        if self.unlogged is not None:  # they are newer than all marks
+            self.unlogged.drop()
         for name, entries, length, marked in zip(LOGS, logs, lengths, self.marked, strict=True):
             setattr(self, name, log_at(getattr(self, name), entries, length, marked))
         self.marked = lengths
@@ -473,6 +480,23 @@ class GameState:
         self.has_begun = False
         self.stream_version += 1
 
+
+_log_of_messages: Any = vars(GameState)["messages"]  # the slot
+
+
+def _read_messages(state: GameState) -> Any:
+    if state.unlogged is not None:
+        state.unlogged.write()
+    return _log_of_messages.__get__(state)
+
+
+def _write_messages(state: GameState, log: list[dict[str, Any]]) -> None:
+    if state.unlogged is not None:
+        state.unlogged.drop()
+    _log_of_messages.__set__(state, log)
+
+
+setattr(GameState, "messages", property(_read_messages, _write_messages))  # noqa: B010 - a checker knows the field
 
 FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields(GameState)}
 """The declaration of each field of a game."""

@@ -176,12 +176,7 @@ class Learners:
         self.agent = agent
         self._pools = {team: pool for team, pool in self._pools.items() if team not in self.teams}
         views = self._views(0)
-        objects = [f"opponent.{team}" for team in self._pools]
-        self.drawn: dict[str, np.ndarray[Any, Any]] = {}
-        if self.games.num_maps > 1:
-            self.drawn["map"] = np.zeros(len(self.games), np.int64)
-            objects.append("map_spec")
-        self.drawn |= {key: np.full(len(self.games), None, object) for key in objects}
+        self.drawn = self._begin_drawn()
         self._specs = [self._views(number)[0].map_spec for number in range(self.games.num_maps)]
         self.num_actions = self._most_actions()
         self.deeds = self._deeds_in(views[0])
@@ -216,6 +211,14 @@ class Learners:
                 "No rule of this scenario gives scores, from which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
             )
+
+    def _begin_drawn(self) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the columns of what games draw by their seeds; see `drawn`."""
+        games = len(self.games)
+        has_maps = self.games.num_maps > 1
+        found: dict[str, np.ndarray[Any, Any]] = {"map": np.zeros(games, np.int64)} if has_maps else {}
+        names = [f"opponent.{team}" for team in self._pools] + ["map_spec"] * has_maps
+        return found | {name: np.full(games, None, object) for name in names}
 
     def _deeds_in(self, view: ArrayView) -> DeedChoices | None:
         """Return the deed choices of agents; None: the scenario declares no deeds."""

@@ -18,7 +18,6 @@ from gamms.game.array_functions.aims import Aims
 from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
-from gamms.game.block.channels import MessageTraffic
 from gamms.game.block.columns import AgentTable, decider_of
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
@@ -318,8 +317,8 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     block.look = look
     block.reading = partial(phase_of(ctx).suspended, changes_world=False)
     if game.channels:
-        block.radio = MessageTraffic(game.channels, roster, roster.part_of(None), 1)
-        block.radio.go_on(_ONE, turns.inboxes.entries(), game.turn)
+        turns.messages.follow()
+        block.radio = turns.messages.share(roster.team_by_name(), roster.part_of(None))
 
 
 # -- rules ------------------------------------------------------------------------------------------------------------

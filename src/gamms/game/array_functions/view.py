@@ -11,7 +11,6 @@ from gamms.core import observe, sight
 from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
-from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
 from gamms.game.block.columns import kept_in
 from gamms.game.block.sensing import (
     SHOWING_AGENTS,
@@ -37,6 +36,7 @@ from gamms.game.block.vectors import (
     write_vectors,
 )
 from gamms.game.conflicts import flat
+from gamms.game.messages import OutgoingMessages, ReceivedMessages
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
 from gamms.game.movement.roads import OpenRoads

@@ -76,20 +76,6 @@ def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
     return at[kept], agents[kept]
 
 
-class Failure(NamedTuple):
-    """An error of an agent in a game of the batch."""
-
-    game: int
-    agent: int
-    kind: str
-    message: str
-
-    @classmethod
-    def illegal(cls, game: int, agent: int, why: str) -> "Failure":
-        """Return the failure for an illegal action, or for a message that cannot be sent."""
-        return cls(game, agent, "illegal", why)
-
-
 class PlayedGame(Protocol):
     """The interface of `gamms.game.Game` that a batch needs."""
 
@@ -211,6 +197,10 @@ class AgentTable(NamedTuple):
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
         masks = [locked(one) for one in (is_first, is_public, flies)]
         return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
+
+    def team_by_name(self) -> dict[str, Hashable]:
+        """Return agent -> its team."""
+        return dict(zip(self.names, map(self.teams.__getitem__, self.team_of.tolist()), strict=True))
 
     def can_hold(self, agent: IAgent) -> bool:
         """Return whether an agent that was created in a game can take the row of its name."""

@@ -17,7 +17,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of, index_games, kept_in
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, index_games, kept_in
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
@@ -37,6 +37,7 @@ from gamms.game.movement.travel import ReachableNodes, no_way
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.agents import Position
+from gamms.ir.columns import Failure
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray

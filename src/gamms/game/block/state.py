@@ -15,17 +15,17 @@ from gamms import kernels
 from gamms.core import rules, sight
 from gamms.core.flight import TurnFlights
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import AgentTable, Failure, PlayedGame, index_games
+from gamms.game.block.columns import AgentTable, PlayedGame, index_games
 from gamms.game.decisions import COUNT_OF
 from gamms.game.deeds import DeclaredDeeds
+from gamms.game.messages import MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import MultiMapStreets, RoadMap
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.slots import COUNTED
 from gamms.game.strategy_specs import draw_shares
-from gamms.ir.columns import GameLog
+from gamms.ir.columns import Failure, GameLog
 from gamms.ir.deeds import DeedLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray

@@ -11,21 +11,19 @@ from gamms.core.flight import TurnFlights
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
-from gamms.game.block.channels import MessageTraffic
-from gamms.game.block.columns import (
-    Failure,
-    PlayedGame,
-)
+from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import GameArrays
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame
 from gamms.game.decisions import Decisions
+from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.turn import CLOSED, closed_edge
+from gamms.ir.columns import Failure
 from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import in_conflict
 from gamms.ir.graph import IntArray
@@ -506,9 +504,8 @@ class Cursor:
         slots = self._shown.ordered.order.slots
         number = self._pointed.number
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
-        messages, unsent = self._turns.outboxes.read(
-            [slots[i] for i, _ in asked.members if i in having and i not in failed]
-        )
+        sending = [slots[i] for i, _ in asked.members if i in having and i not in failed]
+        messages, unsent = read_outboxes(self._ctx, self._ctx.game, sending)
         flaws = [Failure.illegal(number, self._shown.number_of[slot.name], why) for slot, why in unsent]
         radio.post_checked(number, messages, flaws)
 

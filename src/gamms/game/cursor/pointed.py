@@ -18,7 +18,6 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
 from gamms.game.cursor.own_functions import FirstValues
-from gamms.game.messages import Inboxes
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Collectors
 from gamms.game.snapshots import Snapshot
@@ -182,14 +181,13 @@ class RowValues:
         attributes: the custom attributes of the agents, by row; None: those that games share.
         undone: agent -> the reasons other than conflicts why its last action failed.
         collectors: the collectors, with their values; None: nothing was collected.
-        inboxes: the inboxes of the agents; None: nothing was received.
         rng: `ctx.rng`; None: it was not used.
         population: the agents; None: those of the start.
         moved: a moment, and the agents whose moves functions see then; others were created or deleted since.
     """
 
     __slots__ = (
-        *("agent_facts", "attributes", "collectors", "data", "delayed_looks", "departed", "facts", "inboxes"),
+        *("agent_facts", "attributes", "collectors", "data", "delayed_looks", "departed", "facts"),
         *("memories", "moved", "population", "rng", "team_facts", "team_memories", "undone"),
     )
 
@@ -205,7 +203,6 @@ class RowValues:
         self.attributes: list[dict[str, Any]] | None = None
         self.undone = dict(undone)
         self.collectors: Collectors | None = None
-        self.inboxes: Inboxes | None = None
         self.rng: Generator | None = None
         self.population: Population | None = None
         self.moved: tuple[tuple[int, int | None, bool], Population] | None = None

@@ -12,14 +12,12 @@ from numpy.random import Generator
 from gamms.core.ask import GamesInContext
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
-from gamms.game.block.columns import (
-    PlayedGame,
-)
+from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import STOPPED, GameArrays, LeavesSharedContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
-from gamms.game.messages import Inboxes
+from gamms.game.messages import MessageTraffic
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
@@ -229,6 +227,8 @@ class ShownGame(GamesInContext):
         self.has_more = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
         self._kept_start = values.start
         self._kept_deeds = values.deed_log
+        if state.radio is not None:
+            self._turns.read_inbox = partial(self._read_inbox, state.radio)
         self._begin()
         self._fixed = self._what_is_fixed()
         self._note_epoch()
@@ -349,8 +349,6 @@ class ShownGame(GamesInContext):
         elif pointed.alive != self._alive:
             self._alive = pointed.alive
             self.ordered.order.take_lives()
-        if self._state.radio is not None:
-            self._show_inboxes()
         if self._attributes.shown is not self._attributes.now:
             self._attributes.show(self._agents)
         if self._phase.epoch != self.epoch:
@@ -373,12 +371,9 @@ class ShownGame(GamesInContext):
         if row is not None and not (row.rng is None and facts is None and row.attributes is None and is_public):
             self._pointed.shows_more = True
 
-    def _show_inboxes(self) -> None:
-        """Show the inboxes of the agents of a game."""
-        row = self.own_row()
-        if row.inboxes is None:
-            row.inboxes = Inboxes(self._ctx, self._values)
-        self._turns.inboxes = row.inboxes
+    def _read_inbox(self, radio: MessageTraffic, name: str) -> list[dict[str, Any]]:
+        """Return the messages that an agent of the game hears in its next turn."""
+        return radio.inbox(self._pointed.number, self._values.turn, name)
 
     def own_row(self) -> RowValues:
         """Return what Python holds of the game that the context is pointed at; it is made if there is none."""
