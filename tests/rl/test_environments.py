@@ -364,3 +364,50 @@ def test_a_closed_environment_says_so(make, actions):
     for call in (env.reset, partial(env.step, actions)):
         with pytest.raises(BadValue, match="This environment is closed"):
             call()
+
+
+MAPS = [{"grid": {"rows": 4, "columns": 4}}, {"grid": {"rows": 2, "columns": 9}}]
+
+
+def hunt():
+    """Two hunters of an agent that walks at random, who win if they tag it."""
+    teams = {"red": {"count": 2}, "blue": {"count": 1, "strategy": WALK}}
+    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}, "last_team"]
+    return Scenario(map=MAPS[0], max_turns=20, teams=teams, rules=rules)
+
+
+def test_a_win_is_a_reward_of_the_team_in_all_environments():
+    def won(turn):
+        return turn.won
+
+    rng = np.random.default_rng(0)
+    options = {"others": {"blue": gamms.strategies.stay}, "maps": MAPS, "reward": won}
+    team = rl.parallel_env(hunt(), team="red", **options)
+    number_of_wins = 0
+    for seed in range(8):
+        observed, infos = team.reset(seed=seed)
+        assert infos["red_0"]["map_spec"] == MAPS[infos["red_0"]["map"]]
+        paid = 0.0
+        while team.agents:
+            actions = {name: rng.choice(np.flatnonzero(observed[name]["action_mask"])) for name in team.agents}
+            observed, rewards, *_ = team.step(actions)
+            paid += sum(rewards.values())
+        has_won = team.learners.games.result(0).winner == "red"
+        assert paid == 2.0 * has_won
+        number_of_wins += has_won
+        assert team.state().shape == team.state_space.shape
+    assert 0 < number_of_wins < 8
+    team.close()
+    one = rl.single_agent_env(hunt(), agent="red_0", **options)
+    assert {int(one.reset(seed=seed)[1]["map"]) for seed in range(6)} == {0, 1}
+    one.close()
+    games = rl.vector_env(hunt(), num_games=4, team="red", **options)
+    games.reset(seed=1)
+    for _ in range(60):
+        _, rewards, terminated, truncated, _ = games.step(games.action_space.sample())
+        assert not rewards[~(terminated | truncated)].any()
+    games.close()
+    bad = rl.vector_env(hunt(), num_games=4, team="red", reward=lambda turn: np.zeros(3))
+    bad.reset(seed=1)
+    with pytest.raises(BadValue, match=r"an array \(4, 2\), not float64 of the shape \(3,\)"):
+        bad.step(np.zeros(8, np.int64))

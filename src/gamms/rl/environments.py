@@ -28,6 +28,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     scenario: Scenario,
     *,
     team: str | Sequence[str] | None = None,
+    others: Mapping[str, Any] | None = None,
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
@@ -35,6 +36,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
+    maps: Sequence[Any] | None = None,
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
@@ -46,9 +48,10 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     Args:
         scenario: see `gamms.scenario.load`.
         team: the learning team, or several; None: all.
+        others: strategies of other agents and teams, which replace the scenario's.
         observation: maps an `ArrayView` to numbers for the agents of a team, (games, agents, …); None:
             `default_observation`.
-        reward: maps a `Turn` to numbers, (games, agents); None: the change of the score of the agent's team.
+        reward: maps a `Turn` to numbers, (games, agents) or (games,); None: the change of the score of the team.
         seed: the seed of the first game; each further game has the next seed.
         most_agents: the most agents of each team over a game, or team -> number or names; docs/batches.md. Agents that
             a rule creates take these names, and learn with their team.
@@ -57,6 +60,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         actions: "pair": with deeds, an action is a pair of a move and a deed; "discrete": an action is a single number,
             `move * deeds + deed`, with at most 4,096 values.
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
+        maps: several maps instead of that of the scenario; the seed of each game draws one; see `Scenario.batch`.
 
     Raises:
         UnknownName (KeyError): the team does not exist.
@@ -67,7 +71,14 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         from gamms.rl.interface import EnvInterface, EnvRecipe, engine_of
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
-    games: dict[str, Any] = {"observation": observation, "reward": reward, "seed": seed, "most_agents": most_agents}
+    games: dict[str, Any] = {
+        "others": others,
+        "observation": observation,
+        "reward": reward,
+        "seed": seed,
+        "most_agents": most_agents,
+        "maps": maps,
+    }
     learners = Learners(scenario, teams=team, record=True, vis_engine=window, **games)
     with _closing_after_error(learners):
         env = TeamEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
@@ -88,19 +99,21 @@ def single_agent_env(  # noqa: PLR0913 - as above
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
+    maps: Sequence[Any] | None = None,
 ) -> "AgentEnv":
     """Return a scenario as a `gymnasium.Env`, in which one agent learns.
 
     Args:
         scenario: see `parallel_env`.
         agent: the learning agent.
-        others: strategies of other agents and teams, which replace the scenario's.
+        others: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: see `parallel_env`.
         mask: see `parallel_env`.
         actions: see `parallel_env`.
         render_mode: see `parallel_env`.
+        maps: see `parallel_env`.
 
     Raises:
         UnknownName (KeyError): the agent does not exist.
@@ -117,6 +130,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
         "observation": observation,
         "reward": reward,
         "seed": seed,
+        "maps": maps,
     }
     learners = Learners(scenario, vis_engine=window, **games)
     with _closing_after_error(learners):
@@ -157,7 +171,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         num_games: the number of games.
         team: see `parallel_env`.
         agent: the only learning agent, instead of a team.
-        others: see `single_agent_env`.
+        others: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: the seed of the first game; the others have the next ones.
@@ -257,6 +271,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
     *,
     num_games: int,
     team: str | Sequence[str] | None = None,
+    others: Mapping[str, Any] | None = None,
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
@@ -274,6 +289,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
         scenario: see `parallel_env`.
         num_games: the number of games, which is the batch size.
         team: see `parallel_env`.
+        others: see `parallel_env`.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: the seed of the first game; the others have the next ones.
@@ -294,6 +310,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
             scenario,
             num_games,
             teams=team,
+            others=others,
             observation=observation,
             reward=reward,
             seed=seed,

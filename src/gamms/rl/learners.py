@@ -42,7 +42,7 @@ Its attribute `bounds` may give the smallest and largest number; its attribute `
 numbers are the same in a view of this agent alone, because they come from its own sensors.
 """
 Reward = Callable[[Turn], Any]
-"""Maps a turn to numbers for the agents of a team, (games, agents), or one for all of them, (games, 1)."""
+"""Maps a turn to numbers for the agents of a team, (games, agents), or one for all of them, (games,) or (games, 1)."""
 
 
 class GamesCheckpoint(NamedTuple):
@@ -444,7 +444,20 @@ class Learners:
         For each agent of all teams, sorted by name: `alive`, `x` and `y`, and if an agent flies `z`, as shares of the
         map; then the share n / (n + 100) after n turns, and the scores of the teams.
         """
-        views = [self.games.observe(team) for team in self.games.teams]
+        on_maps = [self._whole_on(number) for number in range(self.games.num_maps)]
+        of_agents = _in_order([values for values, _ in on_maps], [view for _, view in on_maps])
+        known = self.games.scores
+        scores = [known.get(team, np.zeros(len(self.games))) for team in self.games.teams]
+        parts = (
+            of_agents.reshape(len(self.games), -1),
+            (self.games.turn / (self.games.turn + 100.0))[:, None],
+            np.stack(scores, axis=1),
+        )
+        return np.concatenate(parts, axis=1, dtype=np.float32)
+
+    def _whole_on(self, map: int) -> tuple[FloatArray, ArrayView]:
+        """Return the numbers of `whole` for the agents in the games on a map, and a view of these games."""
+        views = [self.games.observe(team, map=map) for team in self.games.teams]
         order = np.argsort(np.concatenate([view.agents for view in views]))
         xy = np.concatenate([view["xy"] for view in views], axis=1)[:, order]
         alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
@@ -455,15 +468,7 @@ class Learners:
         if any(agent.type is AgentType.AERIAL for agent in views[0].roster.agents):
             z = np.concatenate([view["z"] for view in views], axis=1)[:, order]
             shares = np.concatenate((shares, z[..., None] * (2.0 / _longer_side(nodes))), axis=2)
-        of_agents = np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2)
-        known = self.games.scores
-        scores = [known.get(team, np.zeros(len(self.games))) for team in self.games.teams]
-        parts = (
-            of_agents.reshape(len(self.games), -1),
-            (self.games.turn / (self.games.turn + 100.0))[:, None],
-            np.stack(scores, axis=1),
-        )
-        return np.concatenate(parts, axis=1, dtype=np.float32)
+        return np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2), views[0]
 
     def names_by_team(self) -> dict[Hashable, tuple[str, ...]]:
         """Return team -> the names of its agents."""
@@ -594,6 +599,8 @@ class Learners:
         games = len(view.games)
         agents = len(view.agents)
         found = np.asarray(given)
+        if what == "reward" and found.shape == (games,):
+            found = found[:, None]
         is_number = found.dtype.kind in "biuf"
         wanted = [(games, agents)] + [(games, 1)] * (what == "reward")
         if found.shape[:2] not in wanted or not is_number or (what == "reward" and found.ndim > 2):

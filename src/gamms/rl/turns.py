@@ -72,6 +72,12 @@ class Turn(NamedTuple):
         return winner
 
     @property
+    def won(self) -> BoolArray:
+        """Whether the team has won each game, (games,): `reward=lambda turn: turn.won` is 1 for a win."""
+        found: BoolArray = self.winner == np.array(self.team, object)
+        return found
+
+    @property
     def reason(self) -> ObjectArray:
         """Why each game has ended, (games,) objects, such as "time_limit"; None while it goes on."""
         reason: ObjectArray = self.outcomes.reason[self.after.games]
