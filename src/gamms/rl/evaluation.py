@@ -132,7 +132,7 @@ def evaluate(  # noqa: PLR0913 - each option is independent of the others
         games: the number of games of each combination, with the seeds `seed`, `seed + 1`, …
         seed: the first seed.
         exact: the strategy of the team, or a function of the context that makes it, that plays exactly, such as
-            `lambda ctx: solve.pursuit(ctx.graph).strategy("pursuers")`; None: there is none.
+            `solve.exact_pursuers`; None: there is none.
         reference: the name of the strategy for which `gap_closed` is 0; None: the first one.
         metric: `wins.<team>`, or a column of numbers; None: `wins.` of the team.
         out: a folder that keeps the rows; an interrupted evaluation continues there.

@@ -216,6 +216,7 @@ def evaluate(
     """Return the mean lead in score of a team's strategy against several opponents, and the worst case.
 
     The worst case is the game against a best response to the strategy, as is usual in research on pursuit games.
+    (`gamms.rl.evaluate` compares strategies on many maps against opponents that are given.)
 
     Args:
         scenario: a scenario of two teams.
