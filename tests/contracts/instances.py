@@ -307,6 +307,7 @@ def values() -> Instances:
 
 def solutions() -> Instances:
     solution = solve.solve(DUEL)
+    chased = solve.pursuit(graph.grid(2, 2))
     seen = []
     solve.solve(DUEL, reward=lambda turn: seen.append(turn) or turn.gains["cat"])
     stay = strategies.stay
@@ -318,6 +319,9 @@ def solutions() -> Instances:
         "matrix game": solve.matrix_game([[1, -1], [-1, 1]]),
         "double oracle": solve.double_oracle(DUEL),
         "response": solve.best_response(DUEL, team="cat", against=stay),
+        "pursuit": chased,
+        "exact pursuers": chased.strategy("pursuers"),
+        "evaluation on maps": rl.evaluate(DUEL, {"stay": stay}, team="cat", games=2),
         "evaluation": solve.evaluate(DUEL, stay, team="cat", opponents={"stay": stay}, games=2),
     }
 

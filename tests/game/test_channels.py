@@ -512,3 +512,16 @@ def test_an_entry_that_a_program_adds_to_the_log_arrives():
         ctx.game.run(2)
         assert inboxes(ctx, "bob") == {1: [5]}
         assert len(ctx.game.messages) == 1
+
+
+def test_messages_of_agents_that_are_all_deleted_in_their_turn_are_dropped():
+    def delete_all(ctx):
+        for name in [*ctx.agent.agents]:
+            ctx.agent.delete_agent(name)
+
+    with world(ROAD, plan=once([send(None)])) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        ctx.game.add(delete_all, phase="deeds")
+        ctx.game.run(2)
+        assert ctx.game.turn == 2
+        assert ctx.game.messages == []

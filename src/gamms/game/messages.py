@@ -656,7 +656,8 @@ class MessageTraffic(GameLog[list[SentMessages]]):
                 continue
             box = joined_rows(boxes)
             at = number[box.at]
-            those = np.flatnonzero((at >= 0) & (box.senders >= 0) & scene.alive[at, box.senders])
+            those = np.flatnonzero((at >= 0) & (box.senders >= 0))  # of deleted senders there are none in the scene
+            those = those[scene.alive[at[those], box.senders[those]]]
             if not len(those):
                 continue
             admission, order = np.divmod(box.order[those], _MOST_OF_ONE)

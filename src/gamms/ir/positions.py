@@ -111,7 +111,7 @@ class Positions:
         """The positions before the last moves (agents,), in the same form: node ids and points."""
         return self._with_flyers(self.block.ids_of(self.block.previous), self.block.flights.previous_of)
 
-    def _with_flyers(self, nodes: Any, point_of: Callable[[int], Any]) -> MutableSequence[Any]:
+    def _with_flyers(self, nodes: "memoryview[int]", point_of: Callable[[int], Any]) -> MutableSequence[Any]:
         if not (self.block.flyers or self.block.travellers):
             places: MutableSequence[Any] = copied_column(nodes) if self.block.has_teams else nodes.tolist()
             return places

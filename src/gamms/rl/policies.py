@@ -38,7 +38,7 @@ from gamms.scenario import Scenario
 from gamms.sensor.catalog import KINDS
 from gamms.strategies import pool
 from gamms.text import module_of, shown
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ISensor
 
@@ -105,7 +105,7 @@ class Equipment(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sensors: Annotated[dict[_Text, _Text], msgspec.Meta(max_length=100)]
 
     @classmethod
-    def of(cls, agent: Any) -> "Equipment":
+    def of(cls, agent: IAgent) -> "Equipment":
         """Return the equipment of an agent."""
         sensors = {name: _describe_sensor(sensor) for name, sensor in sorted(sensors_of(agent).items())}
         return cls(None if agent.speed is None else float(agent.speed), sensors)

@@ -854,7 +854,9 @@ class LearnerWriter:
 
         write_in_threads(write_part, len(games), self._rooms)
 
-    def begin_step(self, turns: TurnsOfGames, given: Any, score: Any, teams: int) -> list[LearnerStep]:
+    def begin_step(
+        self, turns: TurnsOfGames, given: "memoryview[int]", score: "memoryview[float]", teams: int
+    ) -> list[LearnerStep]:
         """Return a step for each thread, which writes into new arrays; see `core.turn.LearnerStep`."""
         if not self._steps:
             of_games = turns, self._turn, given, score, teams, self._observers, self._output
