@@ -78,9 +78,8 @@ class MotionChain:
     def work_with(self, likelihoods: FloatArray) -> core.ChainBuffers:
         """Return working memory for the core around an array of likelihoods (states,)."""
         sums = np.empty(len(self.rows))
-        weighed = np.empty(len(self.rows))
         missed = np.ones(self._nodes)
-        return core.ChainBuffers(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
+        return core.ChainBuffers(*map(kernels.buffer, (likelihoods, sums, missed)))
 
     def predicted(self, masses: FloatArray, steps: int) -> FloatArray:
         """Return probabilities (targets, states) after some steps."""

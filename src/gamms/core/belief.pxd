@@ -20,7 +20,7 @@ cdef class MarkovChain:
     cdef const u8[::1] are_bent
 
 cdef class ChainBuffers:
-    cdef double[::1] likelihoods, sums, weighed, missed
+    cdef double[::1] likelihoods, sums, missed
 
 cdef class Evidence:
     cdef i64 targets

@@ -77,7 +77,6 @@ class ChainBuffers:
     Args:
         likelihoods: (states,) of the target that is being updated.
         sums: (states,) partial sums.
-        weighed: (states,) the weighted belief about one target.
         missed: (nodes,) all 1.0; each call leaves it so.
     """
 
@@ -85,12 +84,10 @@ class ChainBuffers:
         self,
         likelihoods: memoryview[float],
         sums: memoryview[float],
-        weighed: memoryview[float],
         missed: memoryview[float],
     ) -> None:
         self.likelihoods = likelihoods
         self.sums = sums
-        self.weighed = weighed
         self.missed = missed
 
 

@@ -30,11 +30,11 @@ ON_WAYS = 2
 NEAR_PLACES = 3
 ON_LINES = 4
 SEARCHES = {  # the same for callers in Python, which do not see constants with a C type
-    "on nodes": ON_NODES,  # `find_on_nodes`
-    "by paths": BY_PATHS,  # `find_by_paths`
+    "on nodes": ON_NODES,
+    "by paths": BY_PATHS,
     "on ways": ON_WAYS,  # the same, exact
-    "near places": NEAR_PLACES,  # `find_near_places`
-    "on lines": ON_LINES,  # `find_on_lines`
+    "near places": NEAR_PLACES,
+    "on lines": ON_LINES,
 }
 BY_RANK = 0
 BY_PAIR = 1

@@ -17,11 +17,10 @@ move; the rules follow the last part.
 | after    | rules, which may end the game; collectors   | `after`          | `after`     | `rules.play`             |
 | end      | pictures, windows and recordings            | `end`            |             |                          |
 
-Turns in which functions are called follow a `TurnPlan`: the phases that they need, for each part. `TurnDriver` plays
-it, in one game (`GameTurn` and `game.turn.TurnEngine`) and in a batch (`game.batch_engine.BatchEngine`). There, an
-entry plays a phase in all games, and the core plays consecutive phases in which no function is called at once.
-
-A step of learners is one call of `play_step`, if no function is called in the turn.
+`TurnDriver` plays the phases that turns need, a `TurnPlan`: in one game (`GameTurn` and `game.turn.TurnEngine`), and in
+a batch (`game.batch_engine.BatchEngine`), where an entry plays a phase in all games. The core plays consecutive phases
+of a batch in which no function is called at once; if none is called in the whole turn, there is no plan: `play` plays
+turns, and `play_step` a step of learners.
 
 In the core, games share only the map and the arguments of rules; they can be played in any order and on several
 threads. Agents that move along several edges, or by metres, override what differs: `by_edges.EdgeMovers`,

@@ -772,10 +772,9 @@ class Batch(Surface, Immutable, NotPickled):
     def context(self, game: int) -> Any:
         """Return a context that shows a game; it is updated after each turn.
 
-        A game that the core plays, or that the turn engine can no longer show, is played again in a separate context,
-        which takes as long as playing it alone, now and in each later turn. This context is terminated when another
-        game needs one, and when the game is reset; with `vis_engine=`, its window then shows the next game.
-        Other games are shown in the batch's context of their map.
+        The game is played again in a context of its own, which takes as long as playing it alone, now and in each later
+        turn. This context is terminated when another game needs one, and when the game is reset; with `vis_engine=`,
+        its window then shows the next game. A game that has left the batch is shown in the context where it is played.
 
         Raises:
             BadValue: actions were passed to `step` without `record=True`, or the game was loaded and not reset since.

@@ -1,8 +1,8 @@
 """Messages: find who hears each message, and collect the inboxes of agents.
 
 The outcome of a message is decided when it is sent, after the moves of that turn: the positions of all agents then
-determine who is in range, who is jammed, and the route over relays. Thus one entry in the log of a game describes the
-outcome of a message, and messages under way follow from the log.
+determine who is in range, who is jammed, and the route over relays. `MessageTraffic` keeps messages and their outcomes
+as tables of columns, for one game and for batches, and makes the entries of logs and inboxes when they are read.
 """
 
 from collections import defaultdict

@@ -1,4 +1,7 @@
-"""One turn: all agents observe the same state of the world, decide, and move simultaneously."""
+"""The turns of one game: all agents observe the same state of the world, decide, and move simultaneously.
+
+`core.turn` has the phases of a turn and their order.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -177,13 +177,6 @@ class Positions:
         inactive = self.block.inactive
         return np.delete(rows, list(inactive)) if inactive else rows
 
-    @property
-    def living_rows(self) -> list[int]:
-        """The rows of living agents, ascending, as a fresh list."""
-        rows = range(len(self.block))
-        inactive = self.block.inactive
-        return [row for row in rows if row not in inactive] if inactive else list(rows)
-
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
         return self.block.rows.of(name)

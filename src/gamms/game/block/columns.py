@@ -1,4 +1,4 @@
-"""Basic data of a batch: its source game, seeds, agents and logs; and helpers for columns and threads."""
+"""Basic data of a batch: its source game, seeds, maps and agents; and helpers for columns and threads."""
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, count, islice

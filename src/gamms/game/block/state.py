@@ -1,4 +1,4 @@
-"""The state of the games of a batch: positions, scores, events, deeds, and the memory of rules and strategies."""
+"""The state of the games of a batch: its columns, scores, events, errors, and the memory of rules and strategies."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
