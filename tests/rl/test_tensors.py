@@ -37,7 +37,7 @@ def test_groups_are_teams_of_games_and_agents():
     env = rl.torchrl_env(scene(), num_games=6)
     assert env.group_map == {"blue": ["blue_0", "blue_1", "blue_2"], "red": ["red_0", "red_1"]}
     begun = env.reset()
-    assert begun["red", "observation"].shape == (6, 2, 34)
+    assert begun["red", "observation"].shape == (6, 2, 38)
     assert begun["blue", "action_mask"].shape == (6, 3, 5)
     assert begun["blue", "mask"].all()
     played = env.rollout(4, break_when_any_done=False)
