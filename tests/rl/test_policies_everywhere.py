@@ -1,5 +1,7 @@
 """A saved policy, and any other function that makes strategies, is accepted wherever a strategy is."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ pytest.importorskip("safetensors", reason="safetensors is not installed")
 
 from policy_scenes import Linear, Sequential
 
-from gamms import rl
+from gamms import experiment, rl
 from gamms.planning import mcts
 from gamms.scenario import Scenario, ScenarioError
 from gamms.solve import best_response
@@ -69,6 +71,16 @@ def test_searches_play_ahead_with_what_makes_strategies(maker):
     red = mcts(4, depth=3, rollout=maker, opponents=chase)
     with scene(max_turns=3).build(seed=3, strategies={"red": red, "blue": mcts(4, opponents={"red": maker})}) as ctx:
         assert ctx.game.run().turns <= 3
+
+
+def test_a_policy_plays_the_same_in_other_processes(saved):
+    players = {"policy": rl.policy(saved), "pool": rl.opponents([saved, chase])}
+    here, there = (
+        experiment.run(scene(), range(4), {"strategies.red": players}, workers=workers) for workers in (None, 2)
+    )
+    assert len({row["strategies.red"] for row in here}) == 2
+    assert here.sha256() == there.sha256()
+    assert pickle.loads(pickle.dumps(players["policy"])).__name__ == "policy('red.safetensors')"
 
 
 def test_the_best_answer_to_a_policy_says_how_to_allow_more_states(saved):

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, cast
@@ -308,12 +308,18 @@ played_policy.files = ("path",)  # type: ignore[attr-defined] # which scenarios 
 
 @dataclass(frozen=True, eq=False)
 class _LoadedPolicy:
-    """A policy read from a file."""
+    """A policy read from a file; other processes read the file again."""
 
     file: Path
     described: PolicyDescription | None  # None: a pickle
     network: Network | None  # None: an ONNX model
     logits: Logits | None  # of an ONNX model
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _loaded, (self.file, self.file.suffix in _PICKLES)
+
+    def __deepcopy__(self, _: object) -> "_LoadedPolicy":
+        return self
 
     @property
     def is_shared(self) -> bool:
@@ -330,9 +336,26 @@ class _PolicyOptions(NamedTuple):
     other_scenario: bool
 
 
-@lru_cache(maxsize=256)
 def _maker(player: _PolicyOptions) -> Maker:
-    """Return the factory of a policy's strategies, one for all agents, so that a batch evaluates them together."""
+    """Return the factory of a policy's strategies."""
+    play = _array_form(player)  # refuses an observation that does not fit
+    make: Any = partial(_make_strategy, player=player)  # which other processes can get, unlike a closure
+    make.__name__ = make.__qualname__ = play.__name__
+    return cast("Maker", make)
+
+
+def _make_strategy(ctx: IContext, *, player: _PolicyOptions) -> Callable[[Any], None]:
+    """Return the strategy of a policy in a context."""
+    as_context(ctx, "A policy")
+    described = player.policy.described
+    if described is not None and not player.other_scenario:
+        _refuse_other_rules(player.policy.file, described, cast("HostContext", ctx))
+    return array_strategy(_array_form(player))(ctx)
+
+
+@lru_cache(maxsize=256)
+def _array_form(player: _PolicyOptions) -> Any:
+    """Return the array form of a policy, one for all agents, so that a batch evaluates them together."""
     loaded, given, sample, _ = player
     described = loaded.described
     needs = "" if described is None else described.spaces.function
@@ -376,17 +399,7 @@ def _maker(player: _PolicyOptions) -> Maker:
 
     play_policy.__name__ = f"policy({loaded.file.name!r})"
     play_policy.__qualname__ = play_policy.__name__
-    make_strategy = array_strategy(play_policy)
-
-    def make(ctx: IContext) -> Callable[[Any], None]:
-        as_context(ctx, "A policy")
-        if described is not None and not player.other_scenario:
-            _refuse_other_rules(loaded.file, described, cast("HostContext", ctx))
-        return make_strategy(ctx)
-
-    make.__name__ = play_policy.__name__
-    make.__qualname__ = play_policy.__name__
-    return make
+    return play_policy
 
 
 def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
