@@ -47,9 +47,10 @@ def test_policies_and_strategies_are_drawn_as_in_games_alone(blue, kind):
     assert len({one.row()["opponent.blue"] for one in alone}) > 1
 
 
-def test_infos_of_many_games_name_the_opponents_also_at_the_end(blue):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_infos_of_many_games_name_the_opponents_also_at_the_end(blue, workers):
     others = {"blue": blue["all kinds"]}
-    env = rl.vector_env(scene(), num_games=6, team="red", others=others)
+    env = rl.vector_env(scene(), num_games=6, team="red", others=others, workers=workers)
     _, infos = env.reset(seed=0)
     drawn = [scene().play(seed=seed, strategies=others).row()["opponent.blue"] for seed in range(12)]
     assert infos["opponent.blue"].tolist() == np.repeat(drawn[:6], 2).tolist()
@@ -58,6 +59,19 @@ def test_infos_of_many_games_name_the_opponents_also_at_the_end(blue):
     assert infos["final_info"]["opponent.blue"].tolist() == np.repeat(drawn[:6], 2).tolist()
     assert infos["opponent.blue"].tolist() == np.repeat(drawn[6:], 2).tolist()
     env.close()
+
+
+def test_infos_of_games_in_processes_have_their_maps():
+    maps = [{"grid": {"rows": rows, "columns": 4}} for rows in (3, 4, 5)]
+    envs = [rl.vector_env(scene(), num_games=5, team="red", maps=maps, workers=workers) for workers in (1, 2)]
+    found = []
+    for env in envs:
+        infos = [env.reset(seed=0)[1]] + [env.step(np.zeros(10, int))[4] for _ in range(9)]
+        assert all(info["map_spec"][slot] == maps[info["map"][slot]] for info in infos for slot in range(10))
+        found.append([info["map"].tolist() for info in infos])
+        env.close()
+    assert found[0] == found[1]
+    assert found[0][0] != found[0][-1]
 
 
 def test_infos_of_one_game_name_the_opponent():

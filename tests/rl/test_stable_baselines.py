@@ -1,5 +1,7 @@
 """Scenarios as a `VecEnv` of Stable-Baselines3."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -9,11 +11,13 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks
 from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecMonitor
 
 from gamms import rl
 from gamms.errors import BadValue
 from gamms.scenario import Scenario
+from gamms.strategies import random_walk, stay
 
 
 def scene(side=3):
@@ -114,11 +118,9 @@ def test_the_turns_of_agents_that_are_out_are_not_learned_of():
 
 def test_a_life_is_one_episode():
     """Of agents that are tagged out one after the other, as `gymnasium` counts them."""
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
-    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}, "blue": {"count": 4}}
-    given = scene().replace(teams=teams, sensors={}, rules=[tag, "last_team"], max_turns=30)
     options = {"num_games": 3, "team": "blue", "reward": lambda turn: turn.before.mask * 1.0}
-    env, other = VecMonitor(rl.sb3_env(given, **options)), RecordEpisodeStatistics(rl.vector_env(given, **options), 999)
+    env = VecMonitor(rl.sb3_env(hunted(), **options))
+    other = RecordEpisodeStatistics(rl.vector_env(hunted(), **options), 999)
     env.reset()
     other.reset()
     returns = []
@@ -128,6 +130,88 @@ def test_a_life_is_one_episode():
     assert returns == list(other.return_queue)
     assert len(returns) > 20
     assert min(returns) > 0
+
+
+def hunted():
+    """Four agents that go out one after the other, and a hunter at random."""
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk"}, "blue": {"count": 4}}
+    return scene().replace(teams=teams, sensors={}, rules=[tag, "last_team"], max_turns=30)
+
+
+def weigh(turn):
+    """Pay each agent that begins the turn the number of those that do."""
+    return turn.before.mask * turn.before.mask.sum(axis=1, keepdims=True) * 1.0
+
+
+def lives_of(scenario, seed, actions):
+    """Return the lengths and returns of the agents' lives in a game alone by these actions, (turns, agents)."""
+    env = rl.parallel_env(scenario, team="blue", reward=weigh)
+    env.reset(seed=seed)
+    earned = dict.fromkeys(env.agents, 0.0)
+    lives = []
+    for turn, chosen in enumerate(actions, 1):
+        here = env.agents
+        _, rewards, *_ = env.step({name: chosen[env.possible_agents.index(name)] for name in here})
+        earned = {name: earned[name] + rewards[name] for name in here}
+        lives += [(turn, earned[name]) for name in here if name not in env.agents]
+        if not env.agents:
+            return turn, lives
+    return len(actions), lives
+
+
+def test_the_log_of_a_model_has_the_true_lives_of_agents_that_go_out(tmp_path):
+    games, turns = 3, 96
+    env = rl.sb3_env(hunted(), num_games=games, team="blue", reward=weigh)
+    taken = []
+    play = env.step_async
+    env.step_async = lambda actions: taken.append(actions.copy()) or play(actions)
+    options = {"n_steps": turns, "batch_size": 64, "n_epochs": 1, "stats_window_size": 10_000}
+    model = MaskablePPO("MultiInputPolicy", env, seed=1, device="cpu", **options, **env.rollouts)
+    model.set_logger(configure(str(tmp_path), ["json"]))
+    model.learn(env.num_envs * turns)
+    model.logger.close()
+    logged = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    env.close()
+    taken = np.array(taken).reshape(turns, games, 4)
+    lives = []
+    for game in range(games):
+        seed, first = 1 + game, 0
+        while first < turns:
+            played, ended = lives_of(hunted(), seed, taken[first:, game])
+            lives += ended
+            seed, first = seed + games, first + played
+    lengths, returns = np.array(lives).T
+    assert len({*lengths}) > 5
+    assert len(lives) > 20
+    assert logged["rollout/ep_len_mean"] == pytest.approx(lengths.mean())
+    assert logged["rollout/ep_rew_mean"] == pytest.approx(returns.mean())
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_life_names_the_opponent_and_the_map_of_its_game(workers):
+    maps = [{"grid": {"width": width, "height": 3}} for width in (3, 4)]
+    others = {"blue": rl.opponents({"still": stay, "walks": random_walk})}
+    options = {"num_games": 4, "team": "red", "others": others, "maps": maps}
+    env = rl.sb3_env(scene(), workers=workers, **options)
+    env.seed(3)
+    env.reset()
+    alone = rl.Learners(scene(), 1, teams=["red"], others=others, maps=maps)
+    seeds, found = [3, 4, 5, 6], set()
+    for _ in range(25):
+        *_, ends, infos = env.step(np.zeros(8, int))
+        for slot in np.flatnonzero(ends).tolist():
+            game = slot // 2
+            alone.begin(np.array([0]), [seeds[game]])
+            for key, column in alone.drawn.items():
+                assert infos[slot][key] == column[0]
+            found.add((infos[slot]["opponent.blue"], infos[slot]["map"]))
+            assert infos[slot]["map_spec"] == maps[infos[slot]["map"]]
+        for game in np.flatnonzero(ends[::2]).tolist():
+            seeds[game] += 4
+    assert len(found) == 4
+    alone.close()
+    env.close()
 
 
 def test_a_model_that_was_loaded_needs_the_rollouts_of_its_environment(tmp_path):

@@ -72,6 +72,7 @@ class ProcessesEnv(GamesEnv):
     ) -> None:
         self._workers: list[Worker] = []
         self._file: Path | None = None
+        self._drawn_in: list[Arrays] = [{}]  # of each process, see `Learners.drawn`
         super().__init__(interface, name, autoreset_mode, render_mode, num_games)
         self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # first game of each process
         columns = self._columns()
@@ -94,8 +95,9 @@ class ProcessesEnv(GamesEnv):
         return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
 
     def _drawn(self) -> dict[str, Any]:
-        """Return nothing: games draw in their processes."""
-        return {}
+        """Return what the games have drawn by their seeds, (slots,), as their processes said last."""
+        keys = self._drawn_in[0]
+        return {key: np.repeat(np.concatenate([one[key] for one in self._drawn_in]), self.num_agents) for key in keys}
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:
         """Begin games; see `GamesEnv`."""
@@ -104,7 +106,7 @@ class ProcessesEnv(GamesEnv):
             games = which[(which >= first) & (which < last)] - first
             of_games = seeds[first:last] if isinstance(seeds, Sequence) else seeds
             tasks.append(_task(begin_games, games, of_games + first if isinstance(of_games, int) else of_games))
-        self._ask(tasks)
+        self._drawn_in = self._ask(tasks)
         self.learners.has_begun = True
         return self._observed(_OBSERVED), self._arrays["valid"].copy()
 
@@ -113,7 +115,7 @@ class ProcessesEnv(GamesEnv):
         given = self._interface.as_actions(self.num_games, np.arange(self.num_agents), actions)
         taken = self._arrays["actions"]
         taken[:] = given.reshape(taken.shape)
-        self._ask([_STEP] * len(self._workers))
+        self._drawn_in = self._ask([_STEP] * len(self._workers))
         of_slots = (self._arrays[name].copy() for name in _OF_SLOTS)
         return SlotsTurn(self._observed(_OBSERVED), self._observed(_LAST), *of_slots)
 
@@ -123,7 +125,7 @@ class ProcessesEnv(GamesEnv):
 
     def _restore(self, carried: list[Any]) -> None:
         """Make each process replay its games up to a checkpoint."""
-        self._ask([_task(restore, one) for one in carried])
+        self._drawn_in = self._ask([_task(restore, one) for one in carried])
         self.learners.has_begun = carried[0].seeds is not None
 
     def _rendered(self) -> Any:
@@ -238,34 +240,37 @@ class _WorkerGames:
         self._games = games
         self._arrays = arrays
 
-    def begin(self, which: IntArray, seeds: Seeds) -> None:
+    def begin(self, which: IntArray, seeds: Seeds) -> Arrays:
         observed, self._arrays["valid"][:] = self._games._begin(which, seeds)
         self._write(_OBSERVED, observed)
-        self._write_state()
+        return self._finish()
 
     def carried(self) -> Any:
         return self._games._carried()
 
-    def restore(self, carried: object) -> None:
+    def restore(self, carried: object) -> Arrays:
         games = self._games
         games._restore(carried)
         self._write(_OBSERVED, games._flat(games._interface.columns()))
-        self._write_state()
+        return self._finish()
 
     def render(self) -> Any:
         return self._games._rendered()
 
-    def step(self) -> None:
+    def step(self) -> Arrays:
         turn = self._games._play(self._arrays["actions"])
         self._write(_OBSERVED, turn.now)
         self._write(_LAST, turn.last)
         for name in _OF_SLOTS:
             self._arrays[name][:] = getattr(turn, name)
-        self._write_state()
+        return self._finish()
 
-    def _write_state(self) -> None:
+    def _finish(self) -> Arrays:
+        """Write which games and agents still play; return what the games have drawn."""
         self._arrays["over"][:] = np.repeat(self._games._over(), self._games.num_agents)
         self._arrays["plays"][:] = self._games._plays().ravel()
+        drawn: Arrays = self._games.learners.drawn
+        return drawn
 
     def _write(self, prefix: str, observed: Columns) -> None:
         for key, column in observed.items():
@@ -286,10 +291,9 @@ def begin(
     _games_here = _WorkerGames(games, {name: array[slots] for name, array in arrays.items()})
 
 
-def begin_games(which: IntArray, seeds: Seeds) -> None:
-    """Begin games of this process, by their numbers in it; see `GamesEnv`."""
-    if _games_here is not None:
-        _games_here.begin(which, seeds)
+def begin_games(which: IntArray, seeds: Seeds) -> Arrays:
+    """Begin games of this process, by their numbers in it; return what all have drawn, see `Learners`."""
+    return {} if _games_here is None else _games_here.begin(which, seeds)
 
 
 def carried() -> Any:
@@ -297,10 +301,9 @@ def carried() -> Any:
     return None if _games_here is None else _games_here.carried()
 
 
-def restore(carried: object) -> None:
-    """Replay the games of this process up to a checkpoint."""
-    if _games_here is not None:
-        _games_here.restore(carried)
+def restore(carried: object) -> Arrays:
+    """Replay the games of this process up to a checkpoint; return what they have drawn."""
+    return {} if _games_here is None else _games_here.restore(carried)
 
 
 def render() -> Any:
@@ -308,10 +311,9 @@ def render() -> Any:
     return None if _games_here is None else _games_here.render()
 
 
-def step() -> None:
-    """Play a turn of the games of this process."""
-    if _games_here is not None:
-        _games_here.step()
+def step() -> Arrays:
+    """Play a turn of the games of this process; return what they have drawn."""
+    return {} if _games_here is None else _games_here.step()
 
 
 def answer(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
