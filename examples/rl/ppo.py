@@ -10,7 +10,7 @@ known about it: how far it is from there to the evader, and when the team was th
 import time
 
 import torch
-from pursuit import GLOBALS, PER_ACTION, SCENARIO, compare, observe, options_of, reward
+from pursuit import GLOBALS, SCENARIO, compare, observe, options_of, reward
 from torch import nn
 from torch.distributions import Categorical
 
@@ -18,16 +18,20 @@ from gamms import rl
 
 
 class Policy(nn.Module):
-    """Gives each action a number, and each agent a value."""
+    """Gives each action a number, and each agent a value.
 
-    def __init__(self, actions, width=64):
+    The first `shared` entries of an observation are about the agent, the others about each action.
+    """
+
+    def __init__(self, entries, actions, shared, width=64):
         super().__init__()
-        self.actions = actions
+        self.actions, self.shared = actions, shared
+        own = shared + (entries - shared) // actions
         self.score = nn.Sequential(
-            nn.Linear(GLOBALS + PER_ACTION, width), nn.Tanh(), nn.Linear(width, width), nn.Tanh(), nn.Linear(width, 1)
+            nn.Linear(own, width), nn.Tanh(), nn.Linear(width, width), nn.Tanh(), nn.Linear(width, 1)
         )
         self.value = nn.Sequential(
-            nn.Linear(GLOBALS + PER_ACTION * actions, width),
+            nn.Linear(entries, width),
             nn.Tanh(),
             nn.Linear(width, width),
             nn.Tanh(),
@@ -37,8 +41,8 @@ class Policy(nn.Module):
 
     def forward(self, observation, mask):
         """Return the distribution of actions, and the values."""
-        own = observation[:, None, :GLOBALS].expand(-1, self.actions, -1)
-        of_action = observation[:, GLOBALS:].reshape(len(observation), self.actions, PER_ACTION)
+        own = observation[:, None, : self.shared].expand(-1, self.actions, -1)
+        of_action = observation[:, self.shared :].reshape(len(observation), self.actions, -1)
         scores = self.score(torch.cat((own, of_action), dim=2))[..., 0]
         return Categorical(logits=scores.masked_fill(~mask, -1e9)), self.value(observation)[:, 0]
 
@@ -59,11 +63,11 @@ def advantages(rewards, values, ends, last, gamma=0.99, lam=0.95):
     return found
 
 
-def train(seed, file, iterations, games, turns=32, epochs=3, batches=4):
-    """Train a policy with one seed, and save what gives its actions numbers."""
+def train(env, file, seed, iterations, shared=GLOBALS, turns=32, epochs=3, batches=4):
+    """Train a policy with one seed, save what gives its actions numbers, and close the environment."""
     torch.manual_seed(seed)
-    env = rl.vector_env(SCENARIO, num_games=games, team="red", observation=observe, reward=reward, seed=seed * 1000)
-    policy = Policy(env.single_action_space.n)
+    torch.set_num_threads(1)  # small networks are faster so, and the same seed gives the same policy
+    policy = Policy(*env.single_observation_space["observation"].shape, env.single_action_space.n, shared)
     optimiser = torch.optim.Adam(policy.parameters(), lr=5e-4, eps=1e-5)
     observed, _ = env.reset()
     began = time.perf_counter()
@@ -104,7 +108,7 @@ def train(seed, file, iterations, games, turns=32, epochs=3, batches=4):
                 f"{time.perf_counter() - began:.0f} s",
                 flush=True,
             )
-    rl.save_policy(policy.score, file, env, shared=GLOBALS)
+    rl.save_policy(policy.score, file, env, shared=shared)
     env.close()
 
 
@@ -123,5 +127,9 @@ def learn(policy, optimiser, observations, masks, actions, logs, gains, returns)
 
 if __name__ == "__main__":
     given = options_of(__doc__, iterations=60, games=512)
-    torch.set_num_threads(1)  # small networks are faster so, and the same seed gives the same policy
-    compare(lambda seed, file: train(seed, file, given.iterations, given.games), given)
+    learner = {"num_games": given.games, "team": "red", "observation": observe, "reward": reward}
+
+    def train_one(seed, file):
+        train(rl.vector_env(SCENARIO, seed=seed * 1000, **learner), file, seed, given.iterations)
+
+    compare(train_one, given)

@@ -32,11 +32,24 @@ def test_a_policy_of_the_example_plays_the_same_games_alone_and_in_a_batch(monke
     monkeypatch.syspath_prepend(FOLDER)
     pursuit = runpy.run_path(str(FOLDER / "pursuit.py"))
     train = runpy.run_path(str(FOLDER / "ppo.py"))["train"]
-    train(1, tmp_path / "red.safetensors", 1, 10)
     scenario = pursuit["SCENARIO"]
+    learner = {"observation": pursuit["observe"], "reward": pursuit["reward"]}
+    train(gamms.rl.vector_env(scenario, num_games=10, team="red", **learner), tmp_path / "red.safetensors", 1, 1)
     red = gamms.rl.policy(tmp_path / "red.safetensors", observation=pursuit["observe"])
     with scenario.batch(5, seed=3, strategies={"red": red}) as games:
         games.run()
         assert games.slow is None
         for game in range(5):
             assert games.result(game) == scenario.play(seed=3 + game, strategies={"red": red})
+
+
+def test_a_policy_of_some_districts_is_evaluated_in_others(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(FOLDER)
+    compare = runpy.run_path(str(FOLDER / "many_maps.py"))["compare"]
+    found = compare(tmp_path / "red.safetensors", iterations=1, num_games=24, held_out=2)
+    assert len(found.rows) == 6 * 3 * 2 * 2
+    assert {row["strategies.red"] for row in found.rows} == {"chase", "policy", "exact"}
+    assert {row["winner"] for row in found.rows if row["strategies.red"] == "exact"} == {"red"}
+    table = found.table()
+    shares = zip(table["map"], table["strategies.red"], table["strategies.blue"], table["gap_closed"], strict=True)
+    assert [gap for *setting, gap in shares if setting == ["all maps", "exact", "exact"]] == [1.0]
