@@ -240,3 +240,9 @@ def test_a_strategy_knows_what_it_may_do(road):
     road.game.deeds = {}
     road.game.run(1)
     assert "deeds" not in found[1]
+
+
+def test_the_error_of_a_deed_at_an_unknown_node_does_not_say_that_there_are_none(road):
+    road.game.deeds = {"scan": {"node": "node"}}
+    road.plans["ann"] = [{"node_id": 1, "do": {"scan": 99}}]
+    assert road.game.run(1).errors[0]["message"].endswith("Unknown node as 'node' of the deed 'scan': 99.")

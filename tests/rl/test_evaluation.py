@@ -64,10 +64,19 @@ def test_the_gap_closed_is_0_for_the_reference_and_1_for_exact_play():
     assert found.gap_closed("walk") == 0.0
     assert found.gap_closed("stay") < 0.0
     below = rl.evaluate(scene(), OWN, team="red", games=8, exact=chase, reference="chase")
-    with pytest.raises(BadValue, match="no gap to close"):
+    with pytest.raises(BadValue, match=r"no gap for 'walk' to close.*the reference 'chase'"):
         below.gap_closed("walk")
     with pytest.raises(UnknownName, match="Did you mean 'walk'"):
         below.gap_closed("wlak")
+    with pytest.raises(UnknownName, match=r"'other'\. There are: 'walk', 'chase', 'exact'"):
+        below.gap_closed("other")
+
+
+def test_wrong_opponents_and_metrics_are_refused_before_games_are_played():
+    with pytest.raises(BadValue, match="opponents is empty"):
+        rl.evaluate(scene(), OWN, team="red", opponents={})
+    with pytest.raises(UnknownName, match=r"Unknown metric 'wins\.green'\. Did you mean 'wins\.red'"):
+        rl.evaluate(scene(), OWN, team="red", metric="wins.green")
 
 
 def test_an_evaluation_goes_on_in_its_folder(tmp_path):

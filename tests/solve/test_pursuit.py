@@ -234,7 +234,7 @@ def test_exact_agents_refuse_games_that_are_not_in_turns():
     scenario = played_by([0], 3, "pursuers", graph="path", turns=2)
     with pytest.raises(BadValue, match=r"ctx\.game\.order is \(\)"):
         scenario.replace(**{"settings.order": None}).play(strategies={"cops": exact_pursuers, "robbers": stay})
-    with pytest.raises(BadValue, match="plays a game of 1 and 2"):
+    with pytest.raises(BadValue, match="has 1 and 2"):
         two = {"agents": [{"name": "ann", "node": 3}, {"name": "ben", "node": 2}]}
         scenario.replace(**{"teams.robbers": two}).play(strategies={"cops": stay, "robbers": exact_evader})
 

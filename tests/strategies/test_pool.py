@@ -197,8 +197,10 @@ def test_what_is_no_pool_is_refused():
         pool([])
     with pytest.raises(BadType, match="members must be a list of strategies"):
         pool(stay)
-    with pytest.raises(BadType, match=r"Each member of a pool is a strategy.*not 'chase' \(str\).*write {function:"):
-        pool(["chase"])
+    with pytest.raises(BadType, match=r"Member '1' of a pool must be a strategy.*not 'chase' \(str\).*write {func"):
+        pool([stay, "chase"])
+    with pytest.raises(BadType, match=r"Member 'trained' of a pool must be a strategy.*not 3"):
+        pool({"rests": stay, "trained": 3})
 
 
 def test_a_pool_among_members_stands_for_its_members():

@@ -48,14 +48,16 @@ def _team(value: object, name: str, ctx: HostContext) -> Any:
 
 def _node(value: object, name: str, ctx: HostContext) -> int:
     node = as_node_id(value, name, ctx.graph)
-    return node if ctx.graph.graph.has_node(node) else _known(node, "node", name, ())
+    if not ctx.graph.graph.has_node(node):
+        raise UnknownName(f"node as {name}:", node)
+    return node
 
 
 def _edge(value: object, name: str, ctx: HostContext) -> int:
     try:
         return int(ctx.graph.graph.get_edge(as_int(value, name)).id)
     except KeyError:
-        return int(_known(value, "edge", name, ()))
+        raise UnknownName(f"edge as {name}:", value) from None
 
 
 def _sensor(value: object, name: str, ctx: HostContext) -> Any:

@@ -85,11 +85,14 @@ class Evaluation:
         """
         own = f"strategies.{self.team}"
         rows = self._rows_by(self.rows.keys, 0.95)
-        as_known(strategy, "strategy", dict.fromkeys(row[own] for row in rows))
+        as_known(strategy, "strategy", dict.fromkeys(str(row[own]) for row in rows))
         shares = [row.get("gap_closed", np.nan) for row in rows if row[own] == strategy]
         known = [float(share) for share in shares if np.isfinite(share)]
         if not known:
-            raise BadValue("There is no gap to close: evaluate exact=… on maps where it beats the reference.")
+            raise BadValue(
+                f"There is no gap for {shown(strategy)} to close, because no exact play beats the reference "
+                f"{shown(self.reference)}: give evaluate exact=…, or maps and opponents where it is better."
+            )
         return fmean(known)
 
     def plot(self, ax: "Axes | None" = None) -> "Axes":
@@ -139,11 +142,15 @@ def evaluate(  # noqa: PLR0913 - each option is independent of the others
         workers: the number of worker processes; None: play in this process.
 
     Raises:
-        UnknownName (KeyError): the team, or the reference, does not exist.
+        UnknownName (KeyError): the team, the reference, or the team of the metric does not exist.
         BadType, BadValue, ScenarioError: see `experiment.run`.
     """
     teams = list(scenario.spec.teams)
     as_known(team, "team", teams)
+    if metric is not None and metric.startswith("wins."):
+        as_known(metric, "metric", [f"wins.{one}" for one in teams])
+    if opponents is not None and not opponents:
+        raise BadValue("opponents is empty: give at least one, name -> strategy, or None for those of the scenario.")
     compared = dict(as_mapping(strategies, "strategies"))
     if not compared:
         raise BadValue("strategies is empty: give at least one, name -> strategy.")

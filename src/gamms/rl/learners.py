@@ -273,7 +273,7 @@ class Learners:
         if len(shapes) > 1:
             raise BadValue(
                 f"observation must give arrays of one shape on all maps, not {shown(sorted(shapes))} for an agent: "
-                "let it not depend on the map, as rl.neighbourhood(hops, nodes) with a number of nodes does not."
+                "pad it to a fixed number of entries, as rl.neighbourhood(2, nodes=12) and rl.graph(nodes=150) do."
             )
         return _in_order(found, views)
 

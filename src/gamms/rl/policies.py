@@ -544,9 +544,10 @@ def _refuse_other_rules(file: Path, described: PolicyDescription, ctx: HostConte
     digests = known()
     for part in ("rules",) if described.equipment else ("rules", "sensors"):
         if digests[part] != described.digests.get(part):
+            scenario = f"the scenario {shown(described.scenario)}" if described.scenario else "a scenario"
             raise BadValue(
-                f"{file} was trained in the scenario {shown(described.scenario)}, which has other {part} than this "
-                "game: rl.policy(path, other_scenario=True) lets it play all the same."
+                f"{file} was trained in {scenario}, which has other {part} than this game: "
+                "rl.policy(path, other_scenario=True) lets it play all the same."
             )
 
 

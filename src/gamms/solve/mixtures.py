@@ -125,7 +125,7 @@ class DoubleOracle:
             UnknownName (KeyError): the team does not exist.
         """
         one = self.team if team is None else team
-        side = self.teams.index(as_known(one, "team that was solved for", self.teams))
+        side = self.teams.index(as_known(one, "team of the solution", self.teams))
         return _MixedStrategy(self._game, side, self.mixtures[one])
 
 

@@ -403,14 +403,15 @@ class PursuitStrategy:
         if is_other.any():
             game = int(is_other.argmax())
             raise BadValue(
-                f"{self!r} is for {table.pursuers} pursuers and 1 evader, and team {shown(team)} plays a game of "
-                f"{pursuers[game]} and {evaders[game]}: solve it with pursuers={pursuers[game]}, for one evader."
+                f"{self!r} is for {table.pursuers} pursuers and 1 evader, and the game of team {shown(team)} has "
+                f"{pursuers[game]} and {evaders[game]}: use pursuit(…, pursuers={pursuers[game]}) in a game with one "
+                "evader."
             )
         turn = 0 if self._side == table.first else 1
         if len(order) != 2 or team not in order[turn]:
             raise BadValue(
                 f"{self!r} was solved with moves_first={ROLES[table.first]!r}, and ctx.game.order is {shown(order)}: "
-                "set two lists, of the team that moves first and of the other, or solve with another moves_first=."
+                "it needs two lists of teams, such as [['cops'], ['robbers']], with the first to move in the first one."
             )
 
 
@@ -671,7 +672,7 @@ class PursuitSolution(Solution):
         return as_known(agent, "agent", (*self._terms.pursuers, self._terms.evader))
 
     def _side_of(self, team: str) -> int:
-        return self._terms.teams.index(as_known(team, "team that was solved for", self._terms.teams))
+        return self._terms.teams.index(as_known(team, "team of the solution", self._terms.teams))
 
 
 @names_keywords

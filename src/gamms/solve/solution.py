@@ -425,7 +425,7 @@ class TableSolution(Solution):
 
     def _side_of(self, team: str) -> int:
         teams = self.table.setup.teams
-        return teams.index(as_known(team, "team that was solved for", teams))
+        return teams.index(as_known(team, "team of the solution", teams))
 
     # -- play ---------------------------------------------------------------------------------------------------
 

@@ -72,16 +72,17 @@ def _list_members(members: object, weights: Iterable[float] | None) -> list[_Mem
         named = {as_name(name, "a member of a pool"): one for name, one in as_mapping(members, "members").items()}
         given = [*named.items()]
     else:
-        given = [(_name_of(one), one) for one in as_items(members, "members", "strategies")]
+        items = as_items(members, "members", "strategies")
+        given = [(_name_of(one) if callable(one) else str(number), one) for number, one in enumerate(items)]
     if not given:
-        raise BadValue("A pool needs at least one member.")
+        raise BadValue("A pool needs at least one member, such as pool([chase, flee]).")
     shares = _shares_of(weights, len(given))
     found: list[_Member] = []
     for (name, one), share in zip(given, shares, strict=True):
         if not callable(one):
             raise BadType(
-                f"Each member of a pool is a strategy, or a function of a context that makes one, not {shown(one)} "
-                f"({type(one).__name__}). In a scenario file, write {{function: gamms.strategies:chase}}."
+                f"Member {shown(name)} of a pool must be a strategy, or a function of a context that makes one, not "
+                f"{shown(one)} ({type(one).__name__}). In a scenario file, write {{function: gamms.strategies:chase}}."
             )
         inner: list[_Member] = getattr(one, _MEMBERS, [_Member(name, one, 1.0)])
         found += [member._replace(share=member.share * share) for member in inner]
