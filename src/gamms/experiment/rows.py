@@ -188,7 +188,7 @@ class Rows(Sequence[Row]):
         others = [one for one in self.keys if one != by]
         found: dict[Any, dict[tuple[Any, ...], float]] = {}
         for row in self._rows:
-            value = np.nan if row["error"] is not None else _value(name, row)
+            value = np.nan if row["error"] is not None else read_metric(name, row)
             if np.isfinite(value):
                 pair = (row["seed"], *(row[one] for one in others))
                 found.setdefault(row[by], {})[pair] = value
@@ -221,7 +221,7 @@ class Rows(Sequence[Row]):
             raise BadValue(
                 f"Games are missing: {len(self)} games are not equally many for each of {n * (len(keys) + 2)} points."
             )
-        values = [np.nan if row["error"] is not None else _value(name, row) for row in self._rows]
+        values = [np.nan if row["error"] is not None else read_metric(name, row) for row in self._rows]
         means = np.reshape(values, (-1, int(points))).mean(axis=1)
         made = []
         for key, orders in zip(keys, sobol_indices(means, len(keys), confidence), strict=True):
@@ -346,7 +346,8 @@ class Rows(Sequence[Row]):
         return scenario, row["seed"], variant.strategies
 
 
-def _value(name: str, row: Row) -> float:
+def read_metric(name: str, row: Row) -> float:
+    """Return the value of a metric in a row, NaN if the row has no such number."""
     if name.startswith(_WINS):
         return float(row["winner"] is not None and str(row["winner"]) == name.removeprefix(_WINS))
     value = row.get(name)
@@ -357,7 +358,7 @@ def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
     """Return the values of games by seed."""
     found: dict[int, list[float]] = {}
     for row in rows:
-        value = _value(name, row)
+        value = read_metric(name, row)
         if np.isfinite(value):
             found.setdefault(row["seed"], []).append(value)
     return found

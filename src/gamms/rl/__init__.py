@@ -8,9 +8,9 @@ plays many games in several processes. `interface.py` has the common parts of en
 `turns.py` has turns for rewards and for copies, `heads.py` decodes actions, `deeds.py` lists declared deeds, `sb3.py`
 is for Stable-Baselines3, `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves
 and plays trained policies, and `networks.py` computes their answers. `evaluation.py` compares strategies on maps
-against opponents. `environments.py` has the functions that users call, `ids.py` the names for `gymnasium.make`. A
-client of scenarios, batches and experiments: May import: `experiment` and below. To add an observation or a reward
-write a function of arrays: see docs/learning.md.
+against opponents, and `populations.py` plays the strategies of two teams against each other. `environments.py` has the
+functions that users call, and the names for `gymnasium.make`. A client of scenarios, batches and experiments: May
+import: `experiment` and below. To add an observation or a reward write a function of arrays: see docs/learning.md.
 """
 
 from importlib.util import find_spec
@@ -22,12 +22,14 @@ from gamms.rl.learners import Learners, Observation, Reward, default_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import opponents, policy, save_policy
+from gamms.rl.populations import Population
 from gamms.rl.turns import Turn
 
 __all__ = [
     "Evaluation",
     "Learners",
     "Observation",
+    "Population",
     "Reward",
     "Turn",
     "default_observation",
@@ -48,6 +50,6 @@ __all__ = [
 _suggest_names(__name__, __all__)
 
 if find_spec("gymnasium") is not None:
-    from gamms.rl.ids import register
+    from gamms.rl.environments import register
 
     register()

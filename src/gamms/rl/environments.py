@@ -10,7 +10,7 @@ from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
 from gamms.plugins import needing
 from gamms.rl.learners import Learners, Observation, Reward
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, from_gallery
 from gamms.workers import refuse_in_worker
 
 if TYPE_CHECKING:
@@ -319,3 +319,44 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
             maps=maps,
         )
     )
+
+
+# -- the names for gymnasium.make ---------------------------------------------------------------------------------
+
+
+IDS = {  # environment -> its game in the gallery, and its default learning agent
+    "gamms/GridTag-v0": ("grid_tag", "red_0"),
+    "gamms/HelsinkiPursuit-v0": ("helsinki_pursuit", "red_0"),
+    "gamms/CaptureTheFlag-v0": ("capture_the_flag", "red_0"),
+    "gamms/Pursuit-v0": ("pursuit", "pursuers_0"),
+    "gamms/Competition-v0": ("competition", "attackers_0"),
+}
+
+
+def register() -> None:
+    """Register the scenarios that come with GAMMS, for `gymnasium.make` and `gymnasium.make_vec`."""
+    import gymnasium
+
+    for name in IDS:
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point="gamms.rl.environments:make_registered",
+                vector_entry_point="gamms.rl.environments:make_registered_vec",
+                kwargs={"game": name},  # not `id`, which is an argument of `gymnasium.make` itself
+            )
+
+
+def _load_registered(name: str) -> Scenario:
+    """Return the scenario of a registered environment."""
+    return from_gallery(IDS[name][0])
+
+
+def make_registered(game: str, agent: str | None = None, **options: Any) -> "AgentEnv":
+    """Return the environment of one agent; for `options` see `single_agent_env`."""
+    return single_agent_env(_load_registered(game), agent=agent or IDS[game][1], **options)
+
+
+def make_registered_vec(game: str, num_envs: int, agent: str | None = None, **options: Any) -> "GamesEnv":
+    """Return an environment of `num_envs` games; for `options` see `vector_env`."""
+    return vector_env(_load_registered(game), num_games=num_envs, agent=agent or IDS[game][1], **options)

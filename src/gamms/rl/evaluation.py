@@ -159,13 +159,18 @@ def evaluate(  # noqa: PLR0913 - each option is independent of the others
         raise Duplicate("a strategy", EXACT)
     vary: dict[str, Any] = {}
     if maps is not None:
-        vary["map"] = dict(maps) if isinstance(maps, Mapping) else {str(number): one for number, one in enumerate(maps)}
+        vary["map"] = name_maps(maps)
     vary[f"strategies.{team}"] = {**compared, **({} if exact is None else {EXACT: exact})}
     for other, known in _by_team(opponents or {}, [one for one in teams if one != team]).items():
         vary[f"strategies.{other}"] = known
     seeds = range(seed, seed + as_count(games, "games"))
     rows = run(scenario, seeds, vary, out=out, workers=workers)
     return Evaluation(rows, team, f"wins.{team}" if metric is None else metric, lowest)
+
+
+def name_maps(maps: Mapping[str, Any] | Iterable[Any]) -> dict[str, Any]:
+    """Return name -> map; maps without names are named by their numbers."""
+    return dict(maps) if isinstance(maps, Mapping) else {str(number): one for number, one in enumerate(maps)}
 
 
 def _by_team(opponents: Mapping[Any, Any], others: list[Any]) -> Mapping[Any, Any]:

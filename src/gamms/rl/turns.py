@@ -258,3 +258,11 @@ class ScriptedActions:
     def strategy_spec(self) -> StrategySpec:
         """Declare that the core keeps the agent's stored action, instead of calling a decision."""
         return StrategySpec(core_steps=(CoreStep("stay"),), is_replaced=True)
+
+
+def gain_lead(turn: Turn) -> FloatArray:
+    """Return the growth of a team's lead in score over the mean of the others, (games, 1)."""
+    own = turn.gains.get(turn.team, np.zeros(len(turn.after.mask)))
+    others = [turn.gains[team] for team in turn.after.roster.teams if team != turn.team and team in turn.gains]
+    number = max(1, len(turn.after.roster.teams) - 1)
+    return (own - sum(others, np.zeros(len(own))) / number)[:, None]

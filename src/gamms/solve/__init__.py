@@ -8,7 +8,7 @@
 `stages.py` iterates values over them, `solution.py` wraps both for users, and `information.py` computes what sensors
 show in each state. `pursuit.py` solves pursuits in turns with full sight, on much larger maps. `responses.py` has
 `solve` and best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel, and `mixtures.py` matrix
-games of strategies and the double oracle.
+games of strategies, the double oracle, and best responses to pools.
 A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
 responses, add it to `responses.py`.
 """

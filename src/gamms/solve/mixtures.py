@@ -1,6 +1,6 @@
-"""Mixed strategies and their guaranteed values: matrix games and the double oracle."""
+"""Mixed strategies and their values: matrix games, the double oracle, and best responses to pools."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import NamedTuple, Protocol
 
@@ -13,24 +13,30 @@ from gamms.context import Context
 from gamms.errors import BadValue, TooLarge
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
+from gamms.solve.information import sensor_information
 from gamms.solve.solution import (
     MAX_STATES,
+    TOLERANCE,
     Reward,
+    SolvedStrategy,
     TableStrategy,
     checked_discount,
     looks_at_winners,
+    read_rewards,
     rewards_of,
     setup_of,
     teams_of,
 )
-from gamms.solve.stages import Rewards
+from gamms.solve.stages import Bound, Rewards, ValueIteration
 from gamms.solve.table import Table, explore
+from gamms.solve.worlds import GameSetup
+from gamms.strategies.pool import PoolMember
 from gamms.text import shown
 from gamms.typing.game import State
 
 _MEMORY = "gamms.solve.mixture"  # the key of the memory of agents
 MAX_NODES = 200_000  # nodes of all best responses
-_TOLERANCE = 1e-9  # the gap at which the iteration ends
+_LEAST_GAP = 1e-9  # the gap at which the iteration ends
 _MOST_TURNS = 250  # turns that a recursion can handle
 
 
@@ -112,7 +118,7 @@ class DoubleOracle:
     def __repr__(self) -> str:
         low, high = self.bounds
         rows, columns = self.payoffs.shape
-        within = "" if self.gap <= _TOLERANCE else f"bounds=({low:.6g}, {high:.6g}), "
+        within = "" if self.gap <= _LEAST_GAP else f"bounds=({low:.6g}, {high:.6g}), "
         return f"DoubleOracle(value={self.value:.6g}, {within}gap={self.gap:.3g}, {rows} x {columns} strategies)"
 
     def strategy(self, team: str | None = None) -> TableStrategy:
@@ -190,7 +196,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     try:
         for _ in range(most):
             found = game.next_iteration(found)
-            if found.gap <= _TOLERANCE:
+            if found.gap <= _LEAST_GAP:
                 break
     except (TooLarge, RecursionError):  # strategies that respond to each other call each other
         if found is None:
@@ -256,9 +262,9 @@ class _StrategyGame:
         gap = max(0.0, upper.value - lower.value)
         value = float(rows @ payoffs @ columns)
         found = DoubleOracle(self, payoffs, (*(before.gaps if before else ()), gap), bounds)
-        if upper.value - value > _TOLERANCE / 2.0:
+        if upper.value - value > _LEAST_GAP / 2.0:
             self.strategies[0].append(upper)
-        if value - lower.value > _TOLERANCE / 2.0:
+        if value - lower.value > _LEAST_GAP / 2.0:
             self.strategies[1].append(lower)
         return found
 
@@ -450,3 +456,155 @@ class _MixedStrategy(TableStrategy):
         own = strategies[drawn].act(turn, number, known, seen)
         state["memory"][_MEMORY] = (drawn, known, turn, number, seen, own)
         return own
+
+
+# -- best responses to pools --------------------------------------------------------------------------------------
+
+_Belief = tuple[tuple[int, int], ...]  # members that may have been drawn, and the state of the game against each
+
+
+class PoolResponse:
+    """The best response of a team to a pool, of which the other team plays one member in each game.
+
+    The team knows all positions and the pool, but not which member was drawn: moves of the other team rule out members.
+    The game against each member is a table of its own. Where no member would have led the game, the team plays the most
+    probable action of an equilibrium.
+
+    Args:
+        setup: the game of this team; each member in turn replaces its `others`.
+        other: the team that plays the pool.
+        members: the members of the pool, none of which draws random numbers.
+        reward: the reward of the team.
+
+    Attributes:
+        team: the team that responds.
+        value: its expected reward.
+        bound: see `Solution.bound`.
+        information: "full": it knows all positions, and its agents decide together.
+
+    Raises:
+        BadValue: the game has no last turn, or an unsupported feature.
+        TooLarge: see `solve`.
+    """
+
+    information = "full"
+
+    def __init__(self, setup: GameSetup, other: str, members: Sequence[PoolMember], reward: Reward) -> None:
+        self.team = setup.teams[0]
+        by_winner = looks_at_winners(reward)
+        whole = explore(setup._replace(teams=(self.team, other), others={}), by_winner=by_winner)
+        last = whole.last_turn
+        if last is None or last > _MOST_TURNS:
+            raise BadValue(
+                f"An exact response to a pool needs a game with a last turn, up to {_MOST_TURNS}, not {last}: give "
+                "turns=, or respond to one member."
+            )
+        given = [setup._replace(others={other: one.strategy}) for one in members]
+        self.tables = [explore(one, by_winner=by_winner) for one in given]
+        self._shares = [one.share for one in members]
+        self.elsewhere = ValueIteration(whole, read_rewards(whole, reward, 1.0, self.team), TOLERANCE)
+        self._turns: int = last
+        self._rewards = [read_rewards(table, reward, 1.0, self.team) for table in self.tables]
+        self._best: dict[tuple[int, _Belief], tuple[float, int]] = {}
+        self.start: _Belief = tuple((member, 0) for member in range(len(members)))
+        self.value = self._value_before(0, self.start) + 0.0
+        seen = [sensor_information(table)[self.team] for table in self.tables]
+        self.bound: Bound = "exact" if set(seen) == {"full"} else "upper"
+
+    def strategy(self) -> TableStrategy:
+        """Return the strategy for `scenario.play(strategies={team: …})`; it draws nothing."""
+        return _PoolResponseStrategy(self)
+
+    def choose(self, turn: int, belief: _Belief) -> tuple[float, int]:
+        """Return the expected reward of the best joint action, weighted by the shares of the members, and this action.
+
+        Args:
+            turn: the number of turns played.
+            belief: the members that are possible, with the moves that the team has seen.
+        """
+        key = turn, belief
+        if key not in self._best:
+            actions = {int(self.tables[member].sizes[state, 0]) for member, state in belief}
+            if len(actions) > 1:
+                raise BadValue("Legal moves differ at equal positions: an exact response to a pool needs equal ones.")
+            values = list[float]()
+            for action in range(actions.pop()):  # a comprehension would add a frame
+                values.append(self._value_of(turn, belief, action))
+            best = max(values)
+            self._best[key] = best, values.index(best)
+        return self._best[key]
+
+    def list_after(self, turn: int, belief: _Belief, action: int) -> dict[tuple[int, ...], _Belief]:
+        """Return the belief after a turn, by the nodes of all agents, -1: out; ended games are left out."""
+        found: dict[tuple[int, ...], _Belief] = {}
+        for member, state in belief:
+            table = self.tables[member]
+            later = int(table.usual.after[table.row_of(state, (action, 0))])
+            if turn + 1 < self._turns and table.offsets[later] < table.offsets[later + 1]:
+                nodes = tuple(np.where(table.alive[later], table.nodes[later], -1).tolist())
+                found[nodes] = (*found.get(nodes, ()), (member, later))
+        return found
+
+    def list_seen(self, belief: _Belief) -> dict[tuple[int, ...], _Belief]:
+        """Return the belief by the nodes of the agents that move earlier in the turn, which the team sees."""
+        found: dict[tuple[int, ...], _Belief] = {}
+        for member, state in belief:
+            table = self.tables[member]
+            later = table.usual.after[table.row_of(state, (0, 0))]
+            numbers = [table.roster.names.index(name) for name in table.earlier[0]]
+            nodes = tuple(int(table.nodes[later, number]) for number in numbers if table.alive[state, number])
+            found[nodes] = (*found.get(nodes, ()), (member, state))
+        return found
+
+    def _value_before(self, turn: int, belief: _Belief) -> float:
+        """Return the expected reward before the team has seen earlier moves of the turn."""
+        total = 0.0
+        for seen in self.list_seen(belief).values():
+            total += self.choose(turn, seen)[0]
+        return total
+
+    def _value_of(self, turn: int, belief: _Belief, action: int) -> float:
+        """Return the expected reward of a joint action."""
+        total = 0.0
+        for member, state in belief:
+            rewards = self._rewards[member]
+            is_last = turn == self._turns - 1 and rewards.last is not None
+            now = rewards.last if is_last and rewards.last is not None else rewards.usual
+            total += self._shares[member] * float(now[self.tables[member].row_of(state, (action, 0))])
+        for later in self.list_after(turn, belief, action).values():
+            total += self._value_before(turn + 1, later)
+        return total
+
+
+class _PoolResponseStrategy(SolvedStrategy):
+    """The strategy of a best response to a pool, which draws nothing."""
+
+    def __init__(self, response: PoolResponse) -> None:
+        super().__init__(response.elsewhere, 0)
+        self._response = response
+
+    def __repr__(self) -> str:
+        return f"PoolResponse.strategy({shown(self.team)})"
+
+    def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:  # noqa: ARG002
+        """Return False: it is not the strategy of a solution, which `best_response` would look up."""
+        return False
+
+    def _choose_node(self, ctx: Context, state: State, nodes: list[int], moved: Mapping[str, int]) -> int:
+        response = self._response
+        turn = state["turn"]
+        before = state["memory"].get(_MEMORY)
+        belief = response.start if turn == 0 else ()
+        if turn and before:
+            belief = response.list_after(turn - 1, *before).get(tuple(nodes), ())
+        possible = response.list_seen(belief).get(tuple(moved.values()), ())
+        if not possible:
+            state["memory"][_MEMORY] = ()
+            return super()._choose_node(ctx, state, nodes, moved)
+        member, number = possible[0]
+        action = response.choose(turn, possible)[1]
+        state["memory"][_MEMORY] = possible, action
+        return response.tables[member].actions_of(number, 0, action)[state["name"]]
+
+    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:  # noqa: ARG002
+        return int(self._shares_of_actions(state["turn"], number, seen).argmax())

@@ -13,7 +13,9 @@ from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping, n
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
+from gamms.rl.turns import gain_lead
 from gamms.scenario import Scenario
+from gamms.solve.mixtures import PoolResponse
 from gamms.solve.pursuit import recognized
 from gamms.solve.solution import (
     MAX_STATES,
@@ -31,6 +33,7 @@ from gamms.solve.solution import (
 from gamms.solve.stages import Bound
 from gamms.solve.table import explore
 from gamms.solve.worlds import GameSetup
+from gamms.strategies.pool import list_pool_members
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -57,7 +60,7 @@ class Response:
         value: its reward; an estimate from games, unless the method is "exact".
         interval: the 95 % confidence interval of `value`.
         strategy: the strategy, for `scenario.play(strategies={team: …})`.
-        solution: the solution of the game of this team alone; None unless the method is "exact".
+        solution: the solution of the game of this team alone, or against a pool; None unless the method is "exact".
     """
 
     team: str
@@ -65,7 +68,7 @@ class Response:
     value: float
     interval: tuple[float, float]
     strategy: Any  # a strategy, or a function of a context that makes one
-    solution: TableSolution | None = None
+    solution: TableSolution | PoolResponse | None = None
 
     @property
     def information(self) -> str:
@@ -141,7 +144,9 @@ def best_response(
         team: the team that responds.
         against: the strategy of all others, or strategies by team or agent; None: the scenario's.
         method: "exact": value iteration over all reachable states, for a team that knows all positions; the others may
-            have memory, but may draw only if they are from a `Solution` of this scenario. "search":
+            have memory, but may draw only if they are from a `Solution` of this scenario, or a
+            `gamms.strategies.pool` of strategies that draw nothing, for a team that does not know the drawn member,
+            in a game with a last turn. "search":
             `gamms.planning.mcts` in every turn, for agents that know their own observations and the others' strategies.
             "learn": MaskablePPO of sb3-contrib, for agents that know their own observations and learn how the others
             play.
@@ -170,6 +175,9 @@ def best_response(
         return answer(cut, team, others, reward, first, as_count(usual if budget is None else budget, "budget"))
     most = MAX_STATES if budget is None else budget
     setup = setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=most, limit="budget")
+    found = _exact_response_to_pool(setup, reward)
+    if found is not None:
+        return Response(team, method, found.value, (found.value, found.value), found.strategy(), found)
     solution = _exact_response(setup, reward, team)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
@@ -372,6 +380,16 @@ def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
     return {} if against is None else dict.fromkeys(teams, against)
 
 
+def _exact_response_to_pool(setup: GameSetup, reward: Reward) -> PoolResponse | None:
+    """Return the best response to the only other team if it plays a pool; else None."""
+    pools = {name: list_pool_members(strategy) for name, strategy in setup.others.items()}
+    other = next(iter(pools), "")
+    if len(pools) != 1 or other not in setup.scenario.spec.teams or not pools[other]:
+        return None
+    checked_discount(reward, 1.0)
+    return PoolResponse(setup, other, pools[other], reward)
+
+
 def _exact_response(setup: GameSetup, reward: Reward, of: str) -> TableSolution:
     """Return the exact best response of the deciding team; `of` is the team that gets the reward."""
     known: Any = next(iter(setup.others.values())) if len(setup.others) == 1 else None
@@ -409,7 +427,7 @@ def _learn_response(
         raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
     with needing("A best response that is learned", "train"):
         from sb3_contrib import MaskablePPO
-    gets = _gain if reward == "score" else _turn
+    gets = gain_lead if reward == "score" else _turn
     env = rl.sb3_env(scenario, num_games=_TRAINED_GAMES, team=team, others=others, reward=gets, seed=seed)
     try:
         model = MaskablePPO("MultiInputPolicy", env, n_steps=64, batch_size=256, seed=seed, device="cpu")
@@ -421,14 +439,6 @@ def _learn_response(
         env.close()
     values = _rewards_in_games(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
     return _estimated(team, "learn", values, strategy)
-
-
-def _gain(turn: rl.Turn) -> FloatArray:
-    """Return the growth of a team's lead in score over the mean of the others, (games, 1)."""
-    own = turn.gains.get(turn.team, np.zeros(len(turn.after.mask)))
-    others = [turn.gains[team] for team in turn.after.roster.teams if team != turn.team and team in turn.gains]
-    number = max(1, len(turn.after.roster.teams) - 1)
-    return (own - sum(others, np.zeros(len(own))) / number)[:, None]
 
 
 def _turn(turn: rl.Turn) -> FloatArray:

@@ -69,27 +69,29 @@ class TableStrategy(ABC):
 
     def __call__(self, ctx: Context) -> Strategy:
         """Return the strategy of an agent in a game."""
-        table = self._table
-        roster = self._table.roster
 
         def strategy(state: State) -> None:
-            memory = state["memory"]
-            turn = state["turn"]
             if state["team"] != self.team:
                 raise BadValue(f"{self!r} is for agents of team {shown(self.team)}, not for {shown(state['name'])}.")
-            agents = ctx.agent.agents
-            living = [agents[name] if name in agents and agents[name].alive else None for name in roster.names]
-            moved = self._moved_before(ctx)
-            moves = ctx.game.moves if moved else {}
-            started = {name: moves[name].start for name in moved}
-            nodes = [-1 if one is None else started.get(one.name, one.current_node_id) for one in living]
-            number = self._state_at(nodes, turn, memory.get(_MEMORY))
-            memory[_MEMORY] = number
-            seen = self._action_seen(number, {name: agents[name].current_node_id for name in moved})
-            action = self._action(ctx, state, number, seen)
-            state["action"] = table.actions_of(number, self._side, action)[state["name"]]
+            nodes, moved = self._read_places(ctx)
+            state["action"] = self._choose_node(ctx, state, nodes, moved)
 
         return strategy
+
+    def _choose_node(self, ctx: Context, state: State, nodes: list[int], moved: Mapping[str, int]) -> int:
+        """Return the node to which an agent goes.
+
+        Args:
+            ctx: the context of the game.
+            state: the state of the agent.
+            nodes: the nodes of all agents before the turn, -1: out.
+            moved: agents that have moved already in this turn -> their nodes.
+        """
+        memory = state["memory"]
+        number = self._state_at(nodes, state["turn"], memory.get(_MEMORY))
+        memory[_MEMORY] = number
+        action = self._action(ctx, state, number, self._action_seen(number, moved))
+        return self._table.actions_of(number, self._side, action)[state["name"]]
 
     @abstractmethod
     def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
@@ -117,6 +119,17 @@ class TableStrategy(ABC):
             if all(moved.get(name, node) == node for name, node in wanted.items()):
                 return action
         return None  # the other team does not move first, or a conflict has stopped it
+
+    def _read_places(self, ctx: Context) -> tuple[list[int], dict[str, int]]:
+        """Return the nodes of all agents before the turn, -1: out, and the nodes of those that have moved in it."""
+        agents = ctx.agent.agents
+        names = self._table.roster.names
+        living = [agents[name] if name in agents and agents[name].alive else None for name in names]
+        moved = self._moved_before(ctx)
+        moves = ctx.game.moves if moved else {}
+        started = {name: moves[name].start for name in moved}
+        nodes = [-1 if one is None else started.get(one.name, one.current_node_id) for one in living]
+        return nodes, {name: agents[name].current_node_id for name in moved}
 
     def _moved_before(self, ctx: Context) -> list[str]:
         """Return the living agents that move before this team in a turn."""
@@ -153,11 +166,15 @@ class SolvedStrategy(TableStrategy):
 
     def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
         turn = state["turn"]
-        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
-        choice = shares[:, 0 if seen is None else seen]
+        choice = self._shares_of_actions(turn, number, seen)
         drawn = self._drawn(ctx, _MEMORY, turn)
         action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
         return min(action, int(np.flatnonzero(choice)[-1]))
+
+    def _shares_of_actions(self, turn: int, number: int, seen: int | None) -> FloatArray:
+        """Return the probabilities of the team's joint actions in a state; `seen` is the other team's action."""
+        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
+        return shares[:, 0 if seen is None else seen]
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
         """Return whether it is from a solution of this scenario with this limit on turns; None: no limit."""
@@ -514,15 +531,26 @@ def setup_of(
     return GameSetup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, limit), limit)
 
 
+def read_rewards(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
+    """Return the rewards of a table's first team by row, from the reward of team `of`, even if all are 0.
+
+    Raises:
+        BadType, BadValue: the reward is impossible.
+    """
+    sign = 1.0 if of == table.setup.teams[0] else -1.0
+    usual = sign * _rewards(table, table.usual, reward, of)
+    last = None if table.last is None else sign * _rewards(table, table.last, reward, of)
+    return Rewards(usual, last, discount)
+
+
 def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
     """Return the rewards of a table's first team by row, from the reward of team `of`.
 
     Raises:
         BadType, BadValue: the reward is impossible, or always 0.
     """
-    sign = 1.0 if of == table.setup.teams[0] else -1.0
-    usual = sign * _rewards(table, table.usual, reward, of)
-    last = None if table.last is None else sign * _rewards(table, table.last, reward, of)
+    found = read_rewards(table, reward, discount, of)
+    usual, last = found.usual, found.last
     if not usual.any() and (last is None or not last.any()):
         why = {"score": "no turn gives points", "win": "no turn ends with a winner"}.get(str(reward), "it is always 0")
         raise BadValue(
@@ -530,7 +558,7 @@ def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Reward
         )
     if reward == "score":
         _warn_of_worthless_wins(table, usual, last)
-    return Rewards(usual, last, discount)
+    return found
 
 
 def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | None) -> None:

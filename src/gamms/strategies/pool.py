@@ -26,7 +26,7 @@ Maker = Callable[[IContext], Callable[[Any], None]]
 _MEMBERS = "pool_members"  # the attribute of a pool that lists its members, for pools that have it as a member
 
 
-class _Member(NamedTuple):
+class PoolMember(NamedTuple):
     """A member of a pool: a strategy or a function that makes one, and the probability that it is drawn."""
 
     name: str
@@ -66,7 +66,7 @@ def pool_for_scenario(
     return pool(members, weights)(ctx)
 
 
-def _list_members(members: object, weights: Iterable[float] | None) -> list[_Member]:
+def _list_members(members: object, weights: Iterable[float] | None) -> list[PoolMember]:
     """Return the members of a pool; of a pool among them, its members."""
     if isinstance(members, Mapping):
         named = {as_name(name, "a member of a pool"): one for name, one in as_mapping(members, "members").items()}
@@ -77,16 +77,22 @@ def _list_members(members: object, weights: Iterable[float] | None) -> list[_Mem
     if not given:
         raise BadValue("A pool needs at least one member, such as pool([chase, flee]).")
     shares = _shares_of(weights, len(given))
-    found: list[_Member] = []
+    found: list[PoolMember] = []
     for (name, one), share in zip(given, shares, strict=True):
         if not callable(one):
             raise BadType(
                 f"Member {shown(name)} of a pool must be a strategy, or a function of a context that makes one, not "
                 f"{shown(one)} ({type(one).__name__}). In a scenario file, write {{function: gamms.strategies:chase}}."
             )
-        inner: list[_Member] = getattr(one, _MEMBERS, [_Member(name, one, 1.0)])
+        inner: list[PoolMember] = getattr(one, _MEMBERS, [PoolMember(name, one, 1.0)])
         found += [member._replace(share=member.share * share) for member in inner]
     return _with_numbers(found)
+
+
+def list_pool_members(strategy: object) -> list[PoolMember]:
+    """Return the members of a pool that may be drawn; of any other strategy an empty list."""
+    members: list[PoolMember] = getattr(strategy, _MEMBERS, [])
+    return [member for member in members if member.share > 0.0]
 
 
 def _name_of(member: object) -> str:
@@ -97,7 +103,7 @@ def _name_of(member: object) -> str:
     return call.replace("(ctx, ", "(").removesuffix("(ctx)")
 
 
-def _with_numbers(members: list[_Member]) -> list[_Member]:
+def _with_numbers(members: list[PoolMember]) -> list[PoolMember]:
     """Return members with different names: equal ones get numbers."""
     names: list[str] = []
     for member in members:
@@ -117,13 +123,13 @@ def _shares_of(weights: Iterable[float] | None, number: int) -> list[float]:
     return [one / sum(numbers) for one in numbers]
 
 
-def _bounds_of(members: Sequence[_Member]) -> tuple[float, ...]:
+def _bounds_of(members: Sequence[PoolMember]) -> tuple[float, ...]:
     """Return the end of the part of [0, 1) in which each member is drawn; that of the last one drawn is 1."""
     sums = [*accumulate(member.share for member in members)]
     return tuple([1.0 if one >= sums[-1] else one / sums[-1] for one in sums])
 
 
-def _make_pool(ctx: IContext, *, members: Sequence[_Member]) -> Callable[[Any], None]:
+def _make_pool(ctx: IContext, *, members: Sequence[PoolMember]) -> Callable[[Any], None]:
     """Return the strategy of a pool in a context."""
     as_context(ctx, "A pool")
     spec = PoolSpec(tuple([one.name for one in members]), _bounds_of(members))
