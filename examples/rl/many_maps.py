@@ -31,7 +31,7 @@ def observe(view):
     """The turn; and for each move: is it legal, how far are evader and mate, how much does the evader reach first?"""
     seen, roads, nodes = view.enemies(), view.routes(None), np.arange(len(view.streets.counts))
     legal, is_legal = view.legal_rows()
-    most = view.vector().legal.shape[2]  # the number of actions: that of the map with the most
+    most = view.num_actions  # that of the map with the most
     evader = np.zeros((len(legal), 1, 1), np.int64)
     evader[seen.at, 0, 0] = seen.nodes
     mate = view.node[:, ::-1, None]

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.array_functions.view import ArrayView, movement_in, width_in
+from gamms.game.array_functions.view import ArrayView, movement_in
 from gamms.game.deeds import DeclaredField
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
@@ -190,7 +190,7 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     roster = view.roster
     sensors = sorted(set(chain.from_iterable(getattr(agent, "sensors", {}) for agent in roster.agents)))
     teams = [team for team in roster.teams if team is not None]
-    width = width_in(view)
+    width = view.num_actions
     key = repr((declared, roster.names, teams, sensors, width))
     if key not in known:
         of_game = {"agent": roster.names, "team": teams, "sensor": sensors}

@@ -15,7 +15,7 @@ from gamms.arguments import as_bool, as_context, as_function_of, as_items, as_pa
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, movement_in, widen, width_in
+from gamms.game.array_functions.view import ArrayView, movement_in, widen
 from gamms.game.batch import digests_by_map
 from gamms.game.block.columns import sensors_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -382,7 +382,7 @@ def _array_form(player: _PolicyOptions) -> Any:
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
-            fitting = _fit(loaded, legal, width_in(view), deeds, values.shape[2:])
+            fitting = _fit(loaded, legal, view.num_actions, deeds, values.shape[2:])
             masks = [np.arange(fitting.actions) < np.where(view.mask, view.counts, 1)[..., None]]
             masks += [] if choices is None else [choices.masks(view)]
             shape = masks[0].shape[0], len(columns)

@@ -145,6 +145,15 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         return deepcopy(self._state.map_spec)
 
     @property
+    def num_actions(self) -> int:
+        """The number of actions in masks and vectors: the most legal nodes of any node, on all maps of learners.
+
+        Raises:
+            BadValue: an agent has more than 4096 legal nodes.
+        """
+        return self._movement.width if self._width is None else self._width
+
+    @property
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if self._counts is None:
@@ -468,7 +477,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
     def _encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
         agents = len(self.roster.names)
-        actions = width_in(self)
+        actions = self.num_actions
         key = "encoder", agents, others, actions
         return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
 
@@ -661,15 +670,6 @@ def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolA
 def movement_in(view: ArrayView) -> Movement:
     """Return the movement of the agents of a view; for the strategies of GAMMS."""
     return view._movement
-
-
-def width_in(view: ArrayView) -> int:
-    """Return the number of actions that vectors of a view have entries for.
-
-    Raises:
-        BadValue: an agent has more than 4096 legal nodes.
-    """
-    return view._movement.width if view._width is None else view._width
 
 
 def widen(view: ArrayView, width: int | None) -> ArrayView:
