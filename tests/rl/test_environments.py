@@ -411,3 +411,14 @@ def test_a_win_is_a_reward_of_the_team_in_all_environments():
     bad.reset(seed=1)
     with pytest.raises(BadValue, match=r"an array \(4, 2\), not float64 of the shape \(3,\)"):
         bad.step(np.zeros(8, np.int64))
+
+
+def test_strategies_for_agents_that_learn_are_refused():
+    with pytest.raises(BadValue, match="others has a strategy for 'red', which learns"):
+        rl.vector_env(hunt(), num_games=2, team="red", others={"red": gamms.strategies.stay})
+    with pytest.raises(BadValue, match="others has a strategy for 'red_1', which learns"):
+        rl.vector_env(hunt(), num_games=2, team="red", others={"red_1": gamms.strategies.stay})
+    with pytest.raises(BadValue, match="which learns: leave it out, or let team= name the teams that learn"):
+        rl.parallel_env(hunt(), others={"blue": gamms.strategies.stay})
+    mates = {"red": gamms.strategies.stay, "red_1": gamms.strategies.stay}
+    rl.single_agent_env(hunt(), agent="red_0", others=mates).close()

@@ -157,6 +157,7 @@ class Learners:
         self.stride = number
         try:
             self._look_at((teams,) if isinstance(teams, str) else teams, agent)
+            self._refuse_learners(dict(others or {}))
         except BaseException:
             self.games.close()
             raise
@@ -211,6 +212,16 @@ class Learners:
                 "No rule of this scenario gives scores, from which rewards are made: give reward=, a function of a "
                 "turn, or add a rule such as tag with a score."
             )
+
+    def _refuse_learners(self, others: Mapping[str, Any]) -> None:
+        """Refuse strategies of other agents that are for agents or teams that learn."""
+        learning = [*self.names, *(self.teams if self.agent is None else ())]
+        for name in others:
+            if name in learning:
+                raise BadValue(
+                    f"others has a strategy for {shown(name)}, which learns: leave it out, or let team= name the teams "
+                    "that learn."
+                )
 
     def _begin_drawn(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the columns of what games draw by their seeds; see `drawn`."""
