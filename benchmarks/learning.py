@@ -9,9 +9,9 @@ from worlds import Spent
 
 def scenario():
     """The game of `gamms/HelsinkiPursuit-v0`."""
-    from gamms.rl import ids
+    from gamms.scenario import from_gallery
 
-    return ids.scenario("gamms/HelsinkiPursuit-v0")
+    return from_gallery("helsinki_pursuit")
 
 
 def many_games(games=1024, turns=100):

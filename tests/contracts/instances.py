@@ -321,6 +321,7 @@ def solutions() -> Instances:
         "response": solve.best_response(DUEL, team="cat", against=stay),
         "pursuit": chased,
         "exact pursuers": chased.strategy("pursuers"),
+        "population": rl.Population(DUEL, {"cat": [stay], "mouse": [stay]}, games=2),
         "evaluation on maps": rl.evaluate(DUEL, {"stay": stay}, team="cat", games=2),
         "evaluation": solve.evaluate(DUEL, stay, team="cat", opponents={"stay": stay}, games=2),
     }
