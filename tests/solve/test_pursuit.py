@@ -172,7 +172,7 @@ def test_a_scenario_has_the_values_of_the_general_solver(game, turns, discount, 
     try:
         general = solved(setup, reward, discount, team)
     except BadValue:
-        assert by_places.value == 0  # nobody can win
+        assert by_places.value == 0  # no side can win
         return
     assert isinstance(by_places, PursuitSolution)
     assert isinstance(general, TableSolution)

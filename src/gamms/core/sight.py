@@ -103,7 +103,7 @@ class AgentSearch:
         alive: (games * agents,) whether it is alive.
         team: (agents,) its team number.
         xy: (2 * nodes,) x and y of each node, map units.
-        order: (games * agents,) the agents of each game by ascending x; empty: nobody looks.
+        order: (games * agents,) the agents of each game by ascending x; empty: no agent looks.
         ranks: (games * agents,) the place of each agent in this order.
         places: (2 * games * agents,) x and y of each agent.
     """

@@ -294,7 +294,7 @@ class LearnerStep:
 
 
 def play_step(s: LearnerStep, players: list[Player], begin: int, end: int) -> int:
-    """Play a turn of the games `begin` to `end - 1` with the actions of learners; write what they get and see.
+    """Play a turn of the games `begin` to `end - 1` with the actions of learners; write their rewards and observations.
 
     The reward of a learner is the change of the score of its team.
 

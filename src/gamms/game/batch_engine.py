@@ -814,7 +814,7 @@ class BatchEngine(TurnDriver):
             most: the largest number of turns.
             threads: the number of threads.
             given: team -> the moves of its agents in a single turn, see `plays_moves`; None: all decide themselves.
-            writer: takes the moves itself, and writes what learners get and see; None: nobody looks.
+            writer: takes the moves itself, and writes their rewards and observations; None: the caller does.
 
         Raises:
             TurnInterrupted: Ctrl-C was pressed in a long turn, which was not played.

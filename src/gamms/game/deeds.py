@@ -234,7 +234,7 @@ def _listed(values: Iterable[object]) -> str:
 
 # -- deeds as columns ---------------------------------------------------------------------------------------------
 
-Check = Callable[[object, DeclaredField, str], Any]  # called with a value, its field, and what it is called
+Check = Callable[[object, DeclaredField, str], Any]  # called with a value, its field, and its name in messages
 
 
 def performed_deeds(state: GameState, *, is_moving: bool) -> list[Deed]:
@@ -328,9 +328,9 @@ class DeclaredDeeds:
 
     def nothing(self, deed: str) -> ArrayDeeds:
         """Return an empty table of deeds of a kind."""
-        return self.from_rows(deed, [])
+        return self.make_arrays(deed, [])
 
-    def from_rows(self, kind: str, rows: Sequence[DeedRow]) -> ArrayDeeds:
+    def make_arrays(self, kind: str, rows: Sequence[DeedRow]) -> ArrayDeeds:
         """Return deeds of one kind of plain functions as arrays, without those of other agents; their nodes are -1."""
         numbers = {name: number for number, name in enumerate(self.numbering.names)}
         known = [row for row in rows if row[3] in numbers]

@@ -674,7 +674,7 @@ class Game(Surface, RuleVerbs):
 
 
 class UnreadFork(Surface, ContextPart):
-    """A fork that nobody has read yet. It becomes a `Game` when an attribute is first read or set.
+    """A fork that no program has read yet. It becomes a `Game` when an attribute is first read or set.
 
     Args:
         source: the game that was forked, at that moment.

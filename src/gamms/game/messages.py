@@ -481,7 +481,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
     """The messages of games that play by the same channels: of one game, or of a batch.
 
     In each turn, `post` and `post_checked` collect messages, `admit` refuses messages that the channels do not accept,
-    and `send` determines the receivers of the others after all agents have moved. What is sent is a table of columns;
+    and `send` determines the receivers of the others after all agents have moved. Sent messages are a table of columns;
     log entries and inboxes are made from it.
 
     Args:
@@ -532,7 +532,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._refuse_other_teams(self.channels[channel], senders)
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
-            receivers = self._named(to, where.shape)[at, which].tolist()
+            receivers = self._name_receivers(to, where.shape)[at, which].tolist()
         elif to is not None and not receivers_of(_as_key(to), self.teams):
             raise UnknownName("agent or team", to, [*self.teams, *dict.fromkeys(self.teams.values())])
         if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
@@ -557,7 +557,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
             if team in sending:
                 refuse_others(channel, team)
 
-    def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    def _name_receivers(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), from their numbers."""
         names = np.array(self.names, object)
         if to.dtype.kind not in "iu" or to.shape not in (shape, shape[1:], ()) or ((to < 0) | (to >= len(names))).any():
@@ -800,7 +800,7 @@ class GameMessages(MessageTraffic):
         self._settings = settings
         self._state = state
         self._known_channels: list[Channel] = []  # channels whose names were checked
-        self._found: UnderWay | None = None  # what was noted in the state at the last call
+        self._found: UnderWay | None = None  # in the state at the last call
 
     def take(self, slots: Iterable[AgentSlot], names: Sequence[str]) -> list[tuple[AgentSlot, str]]:
         """Collect the outboxes of agents; return (slot, error text) for each message that cannot be sent.
@@ -854,14 +854,14 @@ class GameMessages(MessageTraffic):
         self._note(turn, log)
 
     def write(self) -> None:
-        """Write what was sent into the log."""
+        """Write sent messages into the log."""
         self._state.unlogged = None
         log = self.of(0)
         if self._state.under_way is self._found:  # else a snapshot is being restored
             self._note(self._found.turn if self._found else 0, log)
 
     def drop(self) -> None:
-        """Drop what was sent and not written into the log, which is replaced."""
+        """Drop sent messages that are not in the log, which is replaced."""
         self._state.unlogged = None
         self._pending.clear()
         if self._state.under_way is self._found:  # else a snapshot is being restored

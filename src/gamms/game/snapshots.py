@@ -233,7 +233,8 @@ class ForkSource:
         internals = self._game.internals
         self._scenario = internals.scenario
         self._digests = internals.digests
-        self._map = internals.map_number, internals.map_spec
+        self._map_number = internals.map_number
+        self._map_spec = internals.map_spec
 
     @property
     def starts(self) -> dict[str, int | Position]:
@@ -273,7 +274,8 @@ class ForkSource:
         ahead: GameInternals = ctx.game.internals
         memo |= {id(self._game): ctx.game, id(self._state): ahead.state}
         ahead.digests = self._digests
-        ahead.map_number, ahead.map_spec = self._map
+        ahead.map_number = self._map_number
+        ahead.map_spec = self._map_spec
         return ctx, memo
 
     def copy_game(self, target: SnapshotTaker, memo: Memo) -> None:

@@ -228,7 +228,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         return {"life": life, "_life": ends.copy()}
 
     def _go_on_with(self, going: BoolArray) -> None:
-        """Begin the lives of slots anew, except of those that go on, (slots,)."""
+        """Begin new lives of slots, except of those that go on, (slots,)."""
         self._returns = self._returns * going
         self._lengths = self._lengths * going
 

@@ -302,7 +302,7 @@ def carried() -> Any:
 
 
 def restore(carried: object) -> Arrays:
-    """Replay the games of this process up to a checkpoint; return what they have drawn."""
+    """Replay the games of this process up to a checkpoint; return their draws."""
     return {} if _games_here is None else _games_here.restore(carried)
 
 
@@ -312,7 +312,7 @@ def render() -> Any:
 
 
 def step() -> Arrays:
-    """Play a turn of the games of this process; return what they have drawn."""
+    """Play a turn of the games of this process; return their draws."""
     return {} if _games_here is None else _games_here.step()
 
 

@@ -832,7 +832,7 @@ def _is_capture(part: Any) -> bool:  # Any: what `tag` was called with
 
 
 def _exits_of(reach: tuple[Any, ...] | None, evaders: Hashable) -> tuple[frozenset[int], float, bool]:
-    """Return the exits, the points for reaching them, and whether the evader, and nobody else, wins there."""
+    """Return the exits, the points for reaching them, and whether the evader alone wins there."""
     if reach is None:
         return frozenset(), 0.0, True
     goals, winner, score, _ = reach

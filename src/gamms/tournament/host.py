@@ -202,7 +202,7 @@ class _HostedTeam:
         }
 
     def _show_sensors(self, owner: str, sent: dict[str, tuple[SensorType, Any]]) -> None:
-        """Give an agent the sensors of the game, which show what they have shown there."""
+        """Give an agent the sensors of the game, with their last data."""
         agent: Any = self._ctx.agent.get_agent(owner)
         for name in [name for name in agent.sensors if name not in sent]:
             agent.deregister_sensor(name)

@@ -1,7 +1,6 @@
 """The argument of array rules: one turn of all games that are being played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from copy import deepcopy
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -11,7 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
 from gamms.game.block.columns import kept_in, lock, once, put_locked
-from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays
+from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays, ShowsMap
 from gamms.game.conflicts import flat
 from gamms.game.movement.courses import Paths
 from gamms.game.movement.routes import RouteTable
@@ -52,7 +51,7 @@ class Visits(NamedTuple):
         return some_rows(self, which)
 
 
-class ArrayTurn(ShallowCopied):
+class ArrayTurn(ShowsMap, ShallowCopied):
     """One turn of all games that are being played, with the verbs of rules: the argument of array rules.
 
     Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
@@ -99,16 +98,6 @@ class ArrayTurn(ShallowCopied):
     def _find_roads(self) -> None:
         """Find the maps of the games, because rules may have closed roads."""
         self.streets, self._movement, self._shared = self._state.world(self.games)
-
-    @property
-    def map(self) -> int:
-        """The number of the map of these games, as in `games.maps`; 0 if there is one."""
-        return self._state.map_number
-
-    @property
-    def map_spec(self) -> Any:
-        """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
-        return deepcopy(self._state.map_spec)
 
     @property
     def _rows(self) -> Any:
@@ -199,7 +188,7 @@ class ArrayTurn(ShallowCopied):
         declared = self._state.deeds
         is_moving = self._is_moving
         turn = self.turn + is_moving
-        as_arrays = partial(declared.from_rows, kind)
+        as_arrays = partial(declared.make_arrays, kind)
         found = self._state.deed_log.in_turn(self._rows_in_log, turn, kind, as_arrays, is_moving=is_moving)
         deeds = joined(found or [declared.nothing(kind)])
         deeds = deeds.those(self.took_part[deeds.at, deeds.agents])

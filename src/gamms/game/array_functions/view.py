@@ -1,7 +1,7 @@
 """The argument of array strategies, also used by learners: the agents of one strategy in all games at once."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from copy import copy, deepcopy
+from copy import copy
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from gamms.game.block.sensing import (
     seen,
     seen_nodes,
 )
-from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.block.state import Arrays, GameArrays, ShowsMap
 from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_search
 from gamms.game.block.vectors import (
     Encoder,
@@ -64,7 +64,7 @@ class TowardsInBatch(Exception):
     """An array strategy calls `towards` for agents with speeds: batches have to call it game by game."""
 
 
-class ArrayView(ShallowCopied, Mapping[str, Any]):
+class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     """The agents of one strategy in many games, as arrays (games, agents).
 
     A view has the keys of `state` in array form. `view["curr_pos"]` are node ids; `view["legal"]` are the ids of legal
@@ -133,16 +133,6 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(_VALUES)
-
-    @property
-    def map(self) -> int:
-        """The number of the map that the view shows, as in `games.maps`; 0 if there is one."""
-        return self._state.map_number
-
-    @property
-    def map_spec(self) -> Any:
-        """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
-        return deepcopy(self._state.map_spec)
 
     @property
     def num_actions(self) -> int:
@@ -278,7 +268,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
             BadValue: it looks for agents by sensors that err or look from the air, or the agents have speeds or fly.
         """
         name = as_code(strategy)
-        spec = strategy_spec_of(self._made(strategy))
+        spec = strategy_spec_of(self._make_strategy(strategy))
         if spec.array_form is not None:
             return self._call(spec.array_form, name)
         if spec.core_steps is None:
@@ -295,7 +285,7 @@ class ArrayView(ShallowCopied, Mapping[str, Any]):
         self.draw.go_to(drawn)
         return found
 
-    def _made(self, strategy: object) -> Any:
+    def _make_strategy(self, strategy: object) -> Any:
         """Return a strategy, or the strategy that a function makes in the context of the map."""
         state = self._state
         if state.strategy_in is None:
@@ -778,7 +768,7 @@ class TurnColumns(Protocol):
 
 
 class LearnerWriter:
-    """Lets the core play the moves of learners, and write what they get and see, in all games.
+    """Lets the core play the moves of learners, and write their rewards, ends and observations, in all games.
 
     Args:
         turn: the turns of the learners.

@@ -508,6 +508,22 @@ class BatchColumns:
         return {name: getattr(self, name) for name in self._shared}
 
 
+class ShowsMap:
+    """Mix-in: a view or a turn of games on one map."""
+
+    _state: "GameArrays"
+
+    @property
+    def map(self) -> int:
+        """The number of the map of these games, as in `games.maps`; 0 if there is one."""
+        return self._state.map_number
+
+    @property
+    def map_spec(self) -> Any:
+        """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
+        return deepcopy(self._state.map_spec)
+
+
 class GameArrays(BatchColumns):
     """The state of all games of a batch, seen from one map.
 

@@ -168,7 +168,7 @@ class StepPaths:
         self._tables: list[PathTables] = []  # of each thread
         self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
-    def of_thread(self, thread: int) -> PathTables:
+    def get_tables(self, thread: int) -> PathTables:
         """Return the tables for the thread of this number, at most the number of threads so far."""
         if thread == len(self._tables):
             self._tables.append(PathTables(self._ids, self._arcs()))
@@ -249,7 +249,7 @@ class StrategySteps:
         """Return the strategies for the thread of this number."""
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self.memory.reshape(-1).data
-        ways = self._paths.of_thread(thread).core
+        ways = self._paths.get_tables(thread).core
         shares = flat(self._state.pool_shares() if self._has_pools else np.zeros(0), np.float64)
         return strategies.Strategies(games, self._steps, ways, self._search, keys, shares, memory)
 

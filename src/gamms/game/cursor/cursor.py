@@ -376,7 +376,7 @@ class Cursor:
         return has_routes or len(state.deeds.declared) > 0 or state.radio is not None
 
     def find_asked(self) -> AskedAgents | None:
-        """Return the agents that are asked in the current game; None: nobody is."""
+        """Return the agents that are asked in the current game; None: there are none."""
         asked = self._find_asked()
         return asked if asked.part.observing else None
 
