@@ -1,8 +1,9 @@
 """The files of a run: a journal of rows that survives a crash, a lock, the plan, and the final tables.
 
 `journal.jsonl` gets rows in the order in which games end; each line is written at once, and an incomplete last line is
-ignored when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and `rows.parquet` are written
-when all games are played, in the order of the plan.
+ignored when the journal is read. `series.jsonl` has what collectors of the games have collected, a line for each game
+and collector, written before the row of the game. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and
+`rows.parquet` are written when all games are played, in the order of the plan, which the series then have, too.
 
 `pack` writes a folder as one ZIP file; equal folders give equal bytes. Because the file that `unpack` restores may come
 from a stranger, names, kinds, sizes and counts are checked before anything is written.
@@ -25,7 +26,7 @@ from unicodedata import category, normalize
 
 from gamms.arguments import as_items, as_path
 from gamms.errors import BadFile, BadValue
-from gamms.experiment.games import Row
+from gamms.experiment.games import Row, Series
 from gamms.folders import (
     LOCK,
     Scalar,
@@ -50,6 +51,7 @@ from gamms.text import printable_line, shown
 FORMAT = "gamms experiment 1"
 PLAN = "experiment.json"
 JOURNAL = "journal.jsonl"
+SERIES = "series.jsonl"
 _SYNC_S = 0.5  # seconds between calls of fsync
 _INT64 = 1 << 63
 _FIRST = ("id", "scenario", "gamms", "python", "numpy")
@@ -85,6 +87,15 @@ ROW = (_FinishedRow, dict[str, Scalar])
 """The types of a row of an experiment: known columns, and scalars in all columns."""
 
 
+class SeriesLine(RowWithId):
+    """What a collector has collected in a game: a line of `series.jsonl`."""
+
+    name: str
+    turn: list[int]
+    agent: NotRequired[list[str]]
+    value: list[Any]
+
+
 class ExperimentPlan(TypedDict):
     """The content of the file `experiment.json`."""
 
@@ -106,7 +117,7 @@ class ExperimentPlan(TypedDict):
 
 
 class Journal:
-    """The rows of all games in a folder, by id; new rows are appended.
+    """The rows of all games in a folder, by id; new rows are appended, and what was collected in their games.
 
     Args:
         folder: the folder of the run, which is locked.
@@ -117,24 +128,48 @@ class Journal:
     """
 
     def __init__(self, folder: Path, *kinds: type[object]) -> None:
-        self._path = folder / JOURNAL
-        self.rows = rows_in(self._path, *kinds)
+        self._series = _AppendedLines(folder / SERIES)
+        self._lines = _AppendedLines(folder / JOURNAL)
+        self.rows = rows_in(folder / JOURNAL, *kinds)
+
+    def add(self, rows: Iterable[Row], series: Iterable[SeriesLine] = ()) -> None:
+        """Append rows; the system has them when this returns, and the disk within half a second of games.
+
+        The series of these games are written first, so that a row is never without them.
+        """
+        rows = list(rows)
+        self._series.add(series)
+        self._lines.add(rows)
+        self.rows |= {row["id"]: row for row in rows}
+
+    def close(self) -> None:
+        """Write the files to disk and close them."""
+        self._series.close()
+        self._lines.close()
+
+
+class _AppendedLines:
+    """A file of JSON lines to which a run appends."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
         self._file: BinaryIO | None = None  # until there is something to write
         self._synced = 0.0
 
-    def add(self, rows: Iterable[Row]) -> None:
-        """Append rows; the system has them when this returns, and the disk within half a second of games."""
-        rows = list(rows)
+    def add(self, lines: Iterable[Mapping[str, Any]]) -> None:
+        """Append lines."""
+        made = as_lines([*lines])
+        if not made:
+            return
         if self._file is None:
             cut_torn_line(self._path)
             self._file = opened(self._path, "ab")
         with naming(self._path, self._path):
-            self._file.write(as_lines(rows))
+            self._file.write(made)
             self._file.flush()
         if time.monotonic() - self._synced > _SYNC_S:
             os.fsync(self._file.fileno())
             self._synced = time.monotonic()
-        self.rows |= {row["id"]: row for row in rows}
 
     def close(self) -> None:
         """Write the file to disk and close it."""
@@ -142,6 +177,30 @@ class Journal:
             with naming(self._path, self._path):
                 os.fsync(self._file.fileno())
                 self._file.close()
+
+
+def series_lines(id: str, series: Series) -> Iterator[SeriesLine]:
+    """Yield the lines of what was collected in the game of a row."""
+    for name, columns in series.items():
+        yield {"id": id, "name": name, **columns}  # type: ignore[typeddict-item] # as collectors make them
+
+
+def series_in(folder: Path, ids: Iterable[str]) -> Iterator[SeriesLine]:
+    """Yield what was collected in the games of some rows, in their order.
+
+    Raises:
+        BadFile: a line is not of a series, or its columns differ in length.
+    """
+    found: dict[str, dict[str, SeriesLine]] = {}
+    lines: Any = lines_in(folder / SERIES, "a series", SeriesLine)
+    for line in lines:
+        columns = [line["turn"], line["value"], line.get("agent", line["turn"])]
+        if len({*map(len, columns)}) > 1:
+            what = f"the series {shown(line['name'])} of the row {shown(line['id'])}"
+            raise BadFile(f"{str(folder / SERIES)!r}: the columns of {what} differ in length. Delete its line.")
+        found.setdefault(line["id"], {})[line["name"]] = line  # that of a game which was played again is the last one
+    for id in ids:
+        yield from found.get(id, {}).values()
 
 
 def rows_in(file: Path, *kinds: type[object]) -> dict[str, Row]:
@@ -199,7 +258,10 @@ def columns_of(rows: Sequence[Row], varied: Sequence[str]) -> list[str]:
 
 
 def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list[Path]:
-    """Write all rows as JSON lines, CSV, and Parquet where pyarrow is installed; return the files."""
+    """Write all rows as JSON lines, CSV, and Parquet where pyarrow is installed; return the files.
+
+    The series of the folder are put into the order of the rows.
+    """
     columns = columns_of(rows, varied)
     full = [{name: row.get(name) for name in columns} for row in rows]
     files = [folder / "rows.jsonl", folder / "rows.csv"]
@@ -209,6 +271,9 @@ def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list
     if find_spec("pyarrow") is not None:
         files.append(folder / "rows.parquet")
         _write_parquet(files[-1], {name: [row[name] for row in full] for name in columns})
+    if (folder / SERIES).exists():
+        write_whole(folder / SERIES, as_lines([*series_in(folder, (row["id"] for row in rows))]))
+        files.append(folder / SERIES)
     return files
 
 
@@ -316,7 +381,9 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
         )
     with locked(into):
         journal = Journal(into, *ROW)
-        journal.add(row for id, row in rows.items() if id not in journal.rows)
+        new = [row for id, row in rows.items() if id not in journal.rows]
+        names = [row["id"] for row in new]
+        journal.add(new, [line for one in found for line in series_in(one, names)])
         journal.close()
         write_plan(into, plans[0])
         return write_rows(into, [rows[id] for id in ids], keys)

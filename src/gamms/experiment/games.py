@@ -17,6 +17,8 @@ from gamms.text import printable_line, reason, without_address
 
 Row = dict[str, Plain]
 Collect = Mapping[str, Callable[[Result], Any]]
+Series = dict[str, dict[str, list[Plain]]]
+"""What the collectors of a game have collected: name of a collector -> its columns `turn`, `value`, and `agent`."""
 
 _FEW = 2  # largest number of games that are played without a batch
 
@@ -44,9 +46,10 @@ class Task(NamedTuple):
 
 
 class FinishedTask(NamedTuple):
-    """The result of a task: a row for each seed, and the seconds that the task took."""
+    """The result of a task: a row and the collected values for each seed, and the seconds that the task took."""
 
     rows: list[Row]
+    series: list[Series]
     seconds: float
 
 
@@ -62,25 +65,29 @@ class VariantPlayer:
         """Play games and return their rows; a game that raises becomes a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
-            rows = self._in_arrays(seeds) if len(seeds) >= _FEW else None
-            rows = [self._alone(seed) for seed in seeds] if rows is None else rows
-        return FinishedTask(rows, perf_counter() - begin)
+            played = self._in_arrays(seeds) if len(seeds) >= _FEW else None
+            played = [self._alone(seed) for seed in seeds] if played is None else played
+        return FinishedTask([row for row, _ in played], [series for _, series in played], perf_counter() - begin)
 
-    def _alone(self, seed: int) -> Row:
+    def _alone(self, seed: int) -> tuple[Row, Series]:
         try:
-            return row_of(self._scenario.play(seed, self._strategies), self._settings.collect)
+            return self._read(self._scenario.play(seed, self._strategies))
         except (Exception, SystemExit) as error:  # noqa: BLE001 - which code of users may raise; it is in the row
-            return {"error": _error(error)}
+            return {"error": _error(error)}, {}
 
-    def _in_arrays(self, seeds: Sequence[int]) -> list[Row] | None:
-        """Return the rows of games played as a batch; None: a game has raised."""
+    def _read(self, result: Result) -> tuple[Row, Series]:
+        return row_of(result, self._settings.collect), series_of(result)
+
+    def _in_arrays(self, seeds: Sequence[int]) -> list[tuple[Row, Series]] | None:
+        """Return the rows and series of games played as a batch; None: a game has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
                 games.run(warn=False)
-                return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]
+                return [self._read(games.result(number)) for number in range(len(seeds))]
         except TooLarge:
             half = len(seeds) // 2
-            return [*self.play(seeds[:half]).rows, *self.play(seeds[half:]).rows]
+            parts = self.play(seeds[:half]), self.play(seeds[half:])
+            return [one for part in parts for one in zip(part.rows, part.series, strict=True)]
         except (Exception, SystemExit):  # noqa: BLE001 - played one by one, the game that raises is a row
             return None
 
@@ -121,6 +128,14 @@ def row_of(result: Result, collect: Collect) -> Row:
     row = {name: _plain(value) for name, value in result.row().items()}
     row |= {f"collector.{name}": _plain(function(result)) for name, function in collect.items()}
     return {**row, "error": None}
+
+
+def series_of(result: Result) -> Series:
+    """Return what the collectors of a game have collected, as plain values."""
+    return {
+        name: {column: [as_json(to_plain(value)) for value in values] for column, values in table.items()}
+        for name, table in result.collected.items()
+    }
 
 
 def _plain(value: object) -> Plain:

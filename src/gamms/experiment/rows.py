@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, combinations
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ import numpy as np
 from gamms.arguments import as_float, as_int, as_items, as_known, as_positive
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.experiment.folders import as_columns
+from gamms.experiment.folders import SeriesLine, as_columns
 from gamms.experiment.games import Row
 from gamms.experiment.statistics import (
     FEW_SEEDS,
@@ -29,7 +29,7 @@ from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
 from gamms.folders import as_lines
 from gamms.game.result import Result
-from gamms.ir.tables import frame_of
+from gamms.ir.tables import frame_of, table_of
 from gamms.scenario import Scenario, ScenarioError
 from gamms.visual import Engine
 
@@ -61,12 +61,14 @@ class Rows(Sequence[Row]):
         scenario: Scenario | Callable[[], Scenario] | None = None,
         variants: Sequence[Variant] = (),
         sample: tuple[Sequence[str], int] | None = None,
+        series: Callable[[Iterable[str]], Iterable[SeriesLine]] | None = None,
     ) -> None:
         self._rows = list(rows)
         self.keys = tuple(keys)
         self._scenario = scenario
         self._variants = variants
         self._sample = sample  # keys and n of a sample for Sobol indices
+        self._series = series  # yields what was collected in the games of some rows, by id
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -86,6 +88,28 @@ class Rows(Sequence[Row]):
     def table(self) -> dict[str, Any]:
         """Return all rows as a dict of columns; missing numbers are NaN."""
         return as_columns(self._rows, self.keys)
+
+    def series(self, name: str) -> dict[str, Any]:
+        """Return what a collector of the games has collected, see `ctx.game.collect`: a dict of columns, (values,).
+
+        Columns: `id` (of the row), `turn`, `agent` (its name; None if the collector is of the game) and `value`.
+        `rows.table()` has the settings and the seed of each id.
+
+        Raises:
+            UnknownName (KeyError): no game has a collector of this name.
+            BadFile: a line of `series.jsonl` is not of a series.
+        """
+        lines = [] if self._series is None else [*self._series(row["id"] for row in self._rows)]
+        known = dict.fromkeys(line["name"] for line in lines)
+        as_known(name, "collector", known)
+        columns: dict[str, list[Any]] = {"id": [], "turn": [], "agent": [], "value": []}
+        for line in lines:
+            if line["name"] == name:
+                count = len(line["turn"])
+                each = {"id": [line["id"]] * count, "agent": line.get("agent", [None] * count)}
+                for column, values in {**each, "turn": line["turn"], "value": line["value"]}.items():
+                    columns[column] += values
+        return table_of(columns)
 
     def sha256(self) -> str:
         """Return the SHA-256 of all rows without the columns of versions, in hexadecimal.

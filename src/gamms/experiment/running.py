@@ -3,7 +3,7 @@
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from functools import partial
@@ -14,7 +14,17 @@ from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
 from gamms.experiment.executors import InProcessExecutor, executor_for
-from gamms.experiment.games import Collect, ExperimentSettings, FinishedTask, Row, Task, VariantPlayer, pickled, play
+from gamms.experiment.games import (
+    Collect,
+    ExperimentSettings,
+    FinishedTask,
+    Row,
+    Series,
+    Task,
+    VariantPlayer,
+    pickled,
+    play,
+)
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
@@ -138,7 +148,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:
             folders.write_rows(folder, rows, plan.keys())
-        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample)
+        series = partial(folders.series_in, folder) if folder is not None else runner.series_of
+        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample, series)
 
 
 def load(
@@ -179,7 +190,8 @@ def load(
     else:
         own = _as_scenario(scenario)
         variants = variants_of(own, vary)
-    return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants, plan["sample"])
+    known = [rows[id] for id in plan["rows"] if id in rows]
+    return Rows(known, plan["keys"], own, variants, plan["sample"], partial(folders.series_in, where))
 
 
 def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
@@ -227,6 +239,7 @@ class _Runner:
         self._workers = workers
         self._journal = journal
         self.rows: dict[str, Row] = {} if journal is None else dict(journal.rows)
+        self._series: dict[str, list[folders.SeriesLine]] = {}  # by row, without a folder
         self._refuse_other_versions()
         self._settings, self._variants = self._pickle_inputs()
         self._queue: deque[_PendingGames] = deque()
@@ -332,12 +345,12 @@ class _Runner:
                 self._play_again(games, str(error), is_alone=is_alone)
             else:
                 self._seconds[games.variant] = played.seconds / len(games.seeds)
-                self._note(games, played.rows)
+                self._note(games, played.rows, played.series)
 
     def _play_again(self, games: _PendingGames, why: str, *, is_alone: bool) -> None:
         """Play games whose process died in smaller parts, then each in its own process, then give up."""
         if is_alone:
-            self._note(games, [{"error": f"WorkerDied: {why}"}])
+            self._note(games, [{"error": f"WorkerDied: {why}"}], [{}])
         elif len(games.seeds) > _PARTS:
             self._queue.extendleft(games._replace(seeds=games.seeds[part::_PARTS]) for part in range(_PARTS))
         else:
@@ -347,18 +360,28 @@ class _Runner:
                 one = games._replace(seeds=(seed,))
                 self._waiting[self._submit_to(self._alone, one)] = one, True
 
-    def _note(self, games: _PendingGames, played: list[Row]) -> None:
+    def _note(self, games: _PendingGames, played: list[Row], collected: list[Series]) -> None:
         plan = self._plan
         rows = []
+        lines = list[folders.SeriesLine]()
         first = games.variant * len(plan.seeds)
         variant = plan.variants[games.variant]
-        for seed, row in zip(games.seeds, played, strict=True):
+        for seed, row, series in zip(games.seeds, played, collected, strict=True):
             id = self._ids[first + self._places[seed]]
             named = {"id": id, "scenario": plan.digests[games.variant], **versions(), **variant.settings, "seed": seed}
             rows.append({**named, **row})
             self.rows[id] = rows[-1]
+            of_game = [*folders.series_lines(id, series)]
+            lines += of_game
+            if self._journal is None:
+                self._series[id] = of_game
         if self._journal is not None:
-            self._journal.add(rows)
+            self._journal.add(rows, lines)
+
+    def series_of(self, ids: Iterable[str]) -> Iterator[folders.SeriesLine]:
+        """Yield what was collected in the games of some rows; see `folders.series_in`."""
+        for id in ids:
+            yield from self._series.get(id, ())
 
 
 def _show(show: Show, done: int, total: int, seconds: float) -> None:
