@@ -17,6 +17,7 @@ CALLS = {  # exported name -> how it is called with `ctx`, and what is printed o
     "arrive": (lambda ctx: rules.arrive("red", [1, 2], score=3), "arrive('red', [1, 2], score=3)"),
     "none_left": (lambda ctx: rules.none_left("red", "blue"), "none_left('red', 'blue')"),
     "reach": (lambda ctx: rules.reach("red", [1, 2], winner=None), "reach('red', [1, 2], winner=None)"),
+    "idleness": (lambda ctx: rules.idleness([3, 4], teams="blue"), "idleness([3, 4], teams='blue')"),
     "hold": (lambda ctx: rules.hold([3, 4], 5, ends=False), "hold([3, 4], 5, ends=False)"),
     "discover": (lambda ctx: rules.discover({3: "decoy"}), "discover({3: 'decoy'})"),
     "resource": (lambda ctx: rules.resource("fuel", 9, per_turn=1), "resource('fuel', 9, per_turn=1)"),

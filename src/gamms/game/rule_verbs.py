@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
-from gamms.arguments import as_bool, as_items, as_key, as_name
+from gamms.arguments import as_bool, as_int, as_items, as_key, as_name
 from gamms.deciding import Protected, leaving_last_turn, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of, performed_deeds
 from gamms.game.facts import facts_to
+from gamms.game.movement.moves import stays_on_edges, stays_on_nodes
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
 from gamms.game.turn import TurnEngine
@@ -16,8 +17,8 @@ from gamms.ir.game_state import GameState, Scores, joined_end
 from gamms.plain import Plain
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.typing.actions import known_node
-from gamms.typing.agent_engine import IAerialAgent, IAgent
-from gamms.typing.game import AerialState, Deed, Move, State, Track
+from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent
+from gamms.typing.game import AerialState, Deed, Move, State, Track, Visit
 
 
 class RuleVerbs(Settings):
@@ -134,6 +135,46 @@ class RuleVerbs(Settings):
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(found)
         return [Track((agent.current_node_id,), (1.0,)) for agent in found] if tracks is None else tracks
+
+    @refused_while_deciding
+    def visits(self, nodes: int | Iterable[int] | None = None, edges: int | Iterable[int] | None = None) -> list[Visit]:
+        """Return when living agents on the ground came to nodes, and to edges, in this turn; earliest first.
+
+        An agent that waits on a node visits it until it goes on. A node that an agent has left at once when the turn
+        began was visited in the turn before. An agent that a rule has placed visits its node at the end of the turn.
+        On an edge with parallel edges, an agent that counts edges is on the cheapest one.
+
+        Args:
+            nodes: the id of a node, or several; None: all nodes, or none if edges are given.
+            edges: the id of an edge, or several; None: no edges.
+
+        Raises:
+            BadType: an id is not an integer.
+            UnknownName (KeyError): a node is not on the map.
+        """
+        wanted_nodes = None if nodes is None else _as_ids(nodes, "nodes")
+        wanted_edges = frozenset[int]() if edges is None else _as_ids(edges, "edges")
+        if wanted_nodes is None and edges is not None:
+            wanted_nodes = frozenset()
+        for node in sorted(wanted_nodes or ()):
+            known_node(self.ctx.graph.graph, self.ctx.agent.block, node)
+        now = self._state.turn + self._turns.is_moving - 1
+        walkers = [agent for agent in self.agents if agent.type is not AgentType.AERIAL]
+        found = []
+        for agent, track in zip(walkers, self.tracks(walkers), strict=True):
+            each: list[Any] = [
+                (node, None, stay)
+                for node, stay in stays_on_nodes(track)
+                if wanted_nodes is None or node in wanted_nodes
+            ]
+            if wanted_edges:
+                on_edges = stays_on_edges(track, self._turns.travel.roads.find_edge)
+                each += [(None, edge, stay) for edge, stay in on_edges if edge in wanted_edges]
+            found += [
+                Visit(agent.name, agent.team, node, edge, now + since, now + until)
+                for node, edge, (since, until) in each
+            ]
+        return sorted(found, key=lambda visit: (visit.time, visit.until))
 
     @overload
     def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
@@ -264,3 +305,9 @@ class RuleVerbs(Settings):
     def _agent(self, agent: IAgent | str) -> IAgent:
         found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))
         return found
+
+
+def _as_ids(given: object, name: str) -> frozenset[int]:
+    """Return one id, or several."""
+    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    return frozenset(as_int(one, f"Each of {name}") for one in several)

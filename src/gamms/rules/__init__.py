@@ -22,7 +22,7 @@ from gamms.rules.contacts import Contact, contacts, one_to_one
 from gamms.rules.endings import arrive, last_team, none_left, reach, time_limit
 from gamms.rules.flags import capture_flag
 from gamms.rules.payoffs import payoff
-from gamms.rules.places import discover, hold
+from gamms.rules.places import discover, hold, idleness, idleness_table
 from gamms.rules.resources import cooldown, resource
 from gamms.rules.tagging import respawn, tag
 
@@ -39,6 +39,8 @@ __all__ = [
     "cooldown",
     "discover",
     "hold",
+    "idleness",
+    "idleness_table",
     "last_team",
     "nobody",
     "none_left",

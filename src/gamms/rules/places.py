@@ -1,17 +1,19 @@
-"""Rules about nodes: teams hold them for some turns, or discover them with sensors."""
+"""Rules about nodes: teams hold them for some turns, discover them with sensors, or patrol them."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_name, as_range, shown_as_called
+from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, shown_as_called
 from gamms.context import Context
-from gamms.errors import BadType, NotOffered
+from gamms.errors import BadType, NotOffered, UnknownName
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import (
+    ID,
     NAME,
+    NUMBER,
     TEXT,
     Shape,
     among,
@@ -261,6 +263,141 @@ class _DiscoveryRule(NamedTuple):
         start = {"nodes": as_text(np.array(list(self.what), np.int64)), "by": {}}
         found: dict[Any, list[int]] = state_of(ctx, DISCOVERED, self.key, start)["by"]
         return found
+
+
+@shown_as_called
+def idleness(
+    nodes: NodeId | Iterable[NodeId] | None = None,
+    *,
+    teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
+    key: str = "idleness",
+) -> Rule:
+    """Make a rule that measures how long nodes are left alone by a patrol; `idleness_table` returns the result.
+
+    The idleness of a node is the time since an agent was there last, or since the rule was added (Machado et al.,
+    Multi-agent patrolling, 2003). Times are exact: an agent that passes a node between two turns visits it, see
+    `ctx.game.visits`. The rule changes nothing in the game.
+
+    Args:
+        nodes: the nodes to patrol; None: all nodes that the map has when the rule is added.
+        teams: the patrolling teams, one or several; None: all agents.
+        key: key of the rule's state; a second `idleness` rule needs another key.
+
+    Raises:
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
+    """
+    patrol = _IdlenessRule(
+        None if nodes is None else as_nodes(nodes, "A node to patrol"),
+        as_teams(teams),
+        as_name(key, "the state of the rule"),
+    )
+
+    def idleness(ctx: Context) -> None:
+        patrol.play(ctx)
+
+    return declared(
+        idleness,
+        RuleSpec(
+            prepare=patrol.prepare,
+            teams=sorted(patrol.teams or (), key=str),
+            rank=Rank.PLACES,
+            key=patrol.key,
+            keeps=at((_IDLENESS, patrol.key), _VISITED),
+        ),
+    )
+
+
+_IDLENESS = "idleness"
+_SAME = 1e-9  # turns: visits of several agents with less between them are one
+_VISITED = record(
+    {
+        "begun": NUMBER,
+        "nodes": list_of(ID),
+        "visits": list_of(whole()),
+        "left": list_of(NUMBER),
+        "idle": list_of(NUMBER),
+        "worst": list_of(NUMBER),
+    }
+)
+
+
+class _IdlenessRule(NamedTuple):
+    """The checked arguments of `idleness`. The state of a game is in `ctx.game.data`."""
+
+    nodes: frozenset[int] | None
+    teams: frozenset[Hashable] | None
+    key: str
+
+    def prepare(self, ctx: Context) -> None:
+        """Check the nodes against the map, and begin to count."""
+        refuse_unknown(ctx, self.nodes or ())
+        self._state(ctx)
+
+    def _state(self, ctx: Context) -> dict[str, Any]:
+        known = ctx.game.data.get(_IDLENESS, {}).get(self.key)
+        if known is not None:
+            return known  # type: ignore[no-any-return] # it is a dict
+        nodes = sorted(ctx.graph.graph.get_nodes() if self.nodes is None else self.nodes)
+        begun = float(ctx.game.turn)
+        zeros = [0.0] * len(nodes)
+        start = {"begun": begun, "nodes": nodes, "visits": [0] * len(nodes), "left": [begun] * len(nodes)}
+        return state_of(ctx, _IDLENESS, self.key, {**start, "idle": zeros, "worst": [*zeros]})
+
+    def play(self, ctx: Context) -> None:
+        """Note the visits of a turn."""
+        state = self._state(ctx)
+        row_of = {node: row for row, node in enumerate(state["nodes"])}
+        if ctx.game.turn == state["begun"] + 1:
+            for move in ctx.game.moves.values():
+                if self._counts(move.team) and move.start in row_of:
+                    _note(state, row_of[move.start], state["begun"], state["begun"])
+        for visit in ctx.game.visits():
+            if self._counts(visit.team) and visit.node in row_of:
+                _note(state, row_of[visit.node], visit.time, visit.until)
+
+    def _counts(self, team: Hashable) -> bool:
+        return self.teams is None or team in self.teams
+
+
+def _note(state: dict[str, Any], row: int, time: float, until: float) -> None:
+    """Note that an agent is on a node from one time to another."""
+    idle = time - state["left"][row]
+    is_first = state["visits"][row] == 0
+    if is_first or idle > _SAME:
+        state["visits"][row] += 1
+        state["worst"][row] = max(state["worst"][row], idle)
+    if not is_first:
+        state["idle"][row] += max(idle, 0.0)
+    state["left"][row] = max(state["left"][row], until)
+
+
+def idleness_table(ctx: Context, key: str = "idleness") -> dict[str, Any]:
+    """Return what the rule `idleness` has measured so far: a dict of columns, (nodes,).
+
+    Columns: `node` (its id); `visits`: how often agents came after nobody was there; `average`: the mean time between
+    two visits, NaN before the second (of a fleet of k agents that follow one cycle of length T at a speed v, evenly
+    spaced, T / kv: Chevaleyre, 2004); `worst`: the longest time without an agent, with the time before the first visit
+    and since the last. Times are in turns. `numpy.nanmean(table["average"])` and `table["worst"].max()` are those of
+    the whole patrol.
+
+    Args:
+        ctx: the context.
+        key: the key of the rule.
+
+    Raises:
+        UnknownName (KeyError): the game has no rule `idleness` with this key.
+    """
+    rules: dict[str, Any] = as_context(ctx, "idleness_table").game.data.get(_IDLENESS, {})
+    if key not in rules:
+        raise UnknownName("rule idleness with the key", key, rules)
+    state = rules[key]
+    visits = np.array(state["visits"], np.int64)
+    gaps = np.where(visits > 1, visits - 1, 1)
+    average = np.where(visits > 1, np.array(state["idle"], float) / gaps, np.nan)
+    since = np.maximum(ctx.game.turn - np.array(state["left"], float), 0.0)
+    worst = np.maximum(np.array(state["worst"], float), since)
+    return {"node": np.array(state["nodes"], np.int64), "visits": visits, "average": average, "worst": worst}
 
 
 class _NodeIndex:

@@ -383,12 +383,32 @@ class Track(NamedTuple):
     """The movement of an agent in a turn: nodes, and the time from 0 to 1 at which it is at each of them.
 
     In games that count edges it stays at the last node until time 1. In games by metres it is on the edges of `legs`
-    during their times, and on its nodes at all other times.
+    during their times, and on its nodes at all other times. The first node of an agent that begins the turn on an edge
+    is the node that it passed last, with the time 0: `ctx.game.visits` tells both apart.
+
+    Attributes:
+        path: node ids.
+        times: the time at each of them.
+        legs: in games by metres, the parts of edges that the agent covers, in order.
     """
 
     path: tuple[int, ...]
     times: tuple[float, ...]
     legs: tuple[Leg, ...] = ()
+
+
+class Visit(NamedTuple):
+    """An agent on a node, or on an edge, from one time to another.
+
+    Times are numbers of turns since the start of the game: 4.25 is a quarter into the fifth turn.
+    """
+
+    agent: str
+    team: Any
+    node: int | None  # its id; None: the agent is on an edge
+    edge: int | None  # the id of the edge in the direction in which the agent moves
+    time: float
+    until: float  # the same for an agent that passes a node; not later than the end of the turn
 
 
 Rule = Callable[[Any], object]

@@ -326,3 +326,44 @@ class TurnMoves(TurnMovesInCore):
             self.paths.take(i, paths.core, other, paths.room(other), paths.maps[other])
         elif self.paths is not None:
             self.paths.maps[i] = None
+
+
+Stay = tuple[float, float]
+"""When an agent comes to a node or an edge, and when it leaves it, from 0 to 1."""
+
+
+def stays_on_nodes(track: Track) -> list[tuple[int, Stay]]:
+    """Return the nodes on which an agent was in a turn, with times; not a node that it left when the turn began."""
+    path, times, legs = track
+    if legs:
+        leaves = [leg.since for leg in legs[1:]] + [1.0]
+        ends = zip(legs, leaves, strict=True)
+        arrivals = [(leg, until) for leg, until in ends if leg.end in (0.0, 1.0) and leg.begin != leg.end]
+        found = [(leg.target if leg.end else leg.source, (leg.until, until)) for leg, until in arrivals]
+        waits = legs[0].since > 0.0 and legs[0].begin in (0.0, 1.0)
+        return [(path[0], (0.0, legs[0].since)), *found] if waits else found
+    found = []
+    for number, (node, time) in enumerate(zip(path, times, strict=True)):
+        if number and path[number - 1] == node:  # it pauses
+            found[-1] = node, (found[-1][1][0], time)
+        else:
+            found.append((node, (time, time)))
+    node, (since, _) = found[-1]
+    found[-1] = node, (since, 1.0)
+    return found[1:] if len(found) > 1 and found[0][1] == (0.0, 0.0) else found
+
+
+def stays_on_edges(track: Track, find_edge: Callable[[int, int], int | None]) -> list[tuple[int, Stay]]:
+    """Return the edges on which an agent was in a turn, with times.
+
+    Args:
+        track: its track.
+        find_edge: returns the id of the edge between two nodes of its path; None: it was removed.
+    """
+    path, times, legs = track
+    if legs:
+        turned = [leg.back if leg.end < leg.begin and leg.back is not None else leg.edge for leg in legs]
+        return [(edge, (leg.since, leg.until)) for edge, leg in zip(turned, legs, strict=True)]
+    steps = zip(path, path[1:], times, times[1:], strict=False)
+    found = [(find_edge(source, target), (since, until)) for source, target, since, until in steps if source != target]
+    return [(edge, stay) for edge, stay in found if edge is not None]

@@ -558,6 +558,14 @@ class RoadMap(PathFinder, RoadIds):
         """Return the row of an edge by its id; None: it does not exist."""
         return self.edge_rows.get(edge)
 
+    def find_edge(self, source: int, target: int) -> int | None:
+        """Return the id of the edge that agents take from one node to another; None: there is none now."""
+        row_of = self._row_of
+        if source not in row_of or target not in row_of:
+            return None
+        row = core.cheapest(self.map, row_of[source], row_of[target])
+        return None if row < 0 else self.edge_ids[row][2]
+
     def search(self, found: TravelSearch) -> None:
         """Let a search find paths on this map."""
         found.take_map(self.map, self.reach.core, self.ids, self.xy, self._row_of, self.edge_rows, self.lines)
