@@ -1,15 +1,20 @@
 """Random small games of shipped rules have the values of the same games with a plain rule that does nothing.
 
-States of the first are in the columns of a batch; those of the second are played one by one in a context.
+States of the first are in the columns of a batch; those of the second are played one by one in a context. In the first,
+interchangeable agents are sorted; values and strategies are those of the same games with all agents apart.
 """
 
 import numpy as np
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from solved_games import GRAPHS, scene
 
 from gamms.errors import BadValue
 from gamms.solve import best_response, solve
+from gamms.solve.solution import TableSolution, rewards_of, setup_of
+from gamms.solve.stages import StateGroup, ValueIteration
+from gamms.solve.table import explore
 from gamms.strategies import chase, stay
 
 TEAMS = ("red", "blue")
@@ -44,19 +49,91 @@ def pairs(draw):
 
 
 def found(game, reward, strategy):
-    """Return the value of a game, and the positions from which it goes on; or the kind of its error."""
+    """Return the value of a game and its states in which it goes on; or the kind of its error, and None."""
     try:
         if strategy is None:
             solution = solve(game, reward=reward)
         else:
             solution = best_response(game, team="blue", against=strategy, reward=reward).solution
     except BadValue as error:
-        return str(error).split(":")[0]
-    table = solution.table
+        return str(error).split(":")[0], None
+    return round(solution.value, 9), solution.table
+
+
+def positions(table, groups):
+    """Return the positions from which a game goes on, with groups of agents sorted."""
     places = np.where(table.alive, table.nodes, -1)[np.diff(table.offsets) > 0]  # lots may decide who is out at the end
-    return round(solution.value, 9), {tuple(row) for row in places.tolist()}
+    for group in groups:
+        places[:, group] = np.sort(places[:, group], axis=1)
+    return {tuple(row) for row in places.tolist()}
 
 
 @given(pairs(), st.sampled_from(["score", "win", "turns"]), st.sampled_from([None, stay, chase]))
 def test_games_in_columns_have_the_values_and_positions_of_games_in_contexts(pair, reward, strategy):
-    assert found(pair[0], reward, strategy) == found(pair[1], reward, strategy)
+    (value, table), (expected, other) = (found(game, reward, strategy) for game in pair)
+    groups = () if table is None or table.sorted_agents is None else table.sorted_agents.groups
+    if groups and other is None:
+        assert "draws random numbers" in expected  # between agents that make no difference
+        return
+    assert value == expected
+    assert table is other is None or positions(table, groups) == positions(other, groups)
+
+
+@st.composite
+def games_of_teams(draw):
+    """Return a game in which some agents of red, or of blue, are interchangeable."""
+    graph = draw(st.sampled_from(["pair", "square", "star", "one way"]))
+    nodes = st.sampled_from(sorted(GRAPHS[graph]))
+    sizes = draw(st.sampled_from([(2, 1), (1, 2), (2, 2), (3, 1)] if graph == "pair" else [(2, 1), (1, 2), (3, 1)]))
+    teams = {}
+    for team, size in zip(TEAMS, sizes, strict=True):
+        teams[team] = {"agents": [{"name": f"{team}_{i}", "node": draw(nodes)} for i in range(size)]}
+    taggers = draw(st.sampled_from(TEAMS))
+    tagged = TEAMS[TEAMS[0] == taggers]
+    hops = draw(st.sampled_from([0, 1]))
+    rules = [{"rule": "tag", "with": {"taggers": taggers, "tagged": tagged, "hops": hops, "then": "eliminate"}}]
+    rules += draw(st.sampled_from([[], ["last_team"], [{"rule": "arrive", "with": {"team": "red", "nodes": [0]}}]]))
+    given = {"settings": {"order": [list(part) for part in draw(st.permutations([["red"], ["blue"]]))]}}
+    return scene(graph, teams, rules, turns=draw(st.integers(1, 5)), **(given if draw(st.booleans()) else {}))
+
+
+@settings(max_examples=20)
+@given(games_of_teams(), st.sampled_from(["score", "turns"]))
+def test_values_and_strategies_with_agents_sorted_are_those_with_agents_apart(game, reward):
+    setup = setup_of(game, TEAMS, {}, turns=None, seed=None, max_states=100_000)
+    try:
+        apart = explore(setup, by_winner=False)
+        stages = ValueIteration(apart, rewards_of(apart, reward, 1.0, "red"), 1e-9)
+    except BadValue:
+        return  # draws, or no points
+    every, solution = TableSolution(apart, stages, "red", reward), solve(game, reward=reward)
+    assert solution.table.sorted_agents is not None
+    assert len(solution.table) <= len(apart)
+    for state in np.flatnonzero(np.diff(apart.offsets)).tolist():
+        turn = int(apart.level[state])
+        places = apart.named(np.where(apart.alive[state], apart.nodes[state], -1).tolist())
+        try:
+            value = every.value_at(places, turn)
+        except BadValue:
+            continue  # agents that are out are in several places
+        assert solution.value_at(places, turn) == pytest.approx(value, abs=1e-9)
+        for side, team in enumerate(TEAMS):
+            if apart.order * (1 - 2 * side) <= 0:
+                policy = solution.policy(team, places, turn)
+                assert sure(apart, stages, state, turn, side, policy) == pytest.approx(value, abs=1e-8)
+
+
+def sure(table, stages, state, turn, side, policy):
+    """Return the value that a policy of a team that moves first, or simultaneously, guarantees in a state."""
+    rows, columns = table.sizes[state].tolist()
+    grid = (table.offsets[state] + np.arange(rows * columns)).reshape(1, rows, columns)
+    payoffs = stages.payoffs(StateGroup(np.array([state]), grid), stages.left(turn, side))[0]
+    payoffs = payoffs if side == 0 else -payoffs.T
+    number_of = {tuple(table.actions_of(state, side, one).items()): one for one in range(len(payoffs))}
+    gains = [choice.share * payoffs[number_of[tuple(sorted_as(choice.nodes, number_of))]] for choice in policy]
+    return (1 - 2 * side) * sum(gains).min()
+
+
+def sorted_as(nodes, actions):
+    """Return agent -> node as pairs, in the order in which actions name agents."""
+    return [(name, nodes[name]) for name, _ in next(iter(actions))]

@@ -10,7 +10,9 @@ from solved_games import GRAPHS, PURSUIT, in_turns, matrix_value, neighbours, pu
 import gamms
 from gamms import kernels
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
-from gamms.solve import solve
+from gamms.solve import best_response, solve
+from gamms.solve.solution import setup_of
+from gamms.solve.table import explore
 
 TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
 TURNS = {"order": [["cops"], ["robbers"]]}
@@ -299,6 +301,92 @@ def test_games_in_arrays_and_in_contexts_have_the_same_states_and_values():
     assert 0.0 < abs(in_arrays.value) < 1.0
     assert in_arrays.value == pytest.approx(in_context.value, abs=1e-12)
     assert sorted(map(tuple, in_arrays.table.nodes)) == sorted(map(tuple, in_context.table.nodes))
+
+
+def cops_apart(**more):
+    return pursuit("fan", [1, 4], [3], turns=6, **more)
+
+
+@pytest.mark.parametrize("more", [{}, {"settings": TURNS}])
+def test_agents_that_differ_by_their_names_only_are_sorted_and_ends_are_one_state(more):
+    setup = setup_of(cops_apart(**more), ("cops", "robbers"), {}, turns=None, seed=None, max_states=10_000)
+    solution, every = solve(cops_apart(**more), reward="turns"), explore(setup, by_winner=False)
+    is_over = [np.diff(table.offsets) == 0 for table in (solution.table, every)]
+    assert len(solution.table) < len(every) / 2
+    assert is_over[0].sum() <= 2 < is_over[1].sum()  # one winner, and none
+    places = {"cop_0": 4, "cop_1": 1}
+    assert solution.value_at(places) == solution.value
+    there, back = (solution.policy("cops", at) for at in ({}, places))
+    assert [one.share for one in there] == [one.share for one in back]
+    assert [(one.nodes["cop_0"], one.nodes["cop_1"]) for one in there] == [
+        (one.nodes["cop_1"], one.nodes["cop_0"]) for one in back
+    ]
+
+
+def test_strategies_play_with_sorted_agents_that_exchange_their_places():
+    solution = solve(cops_apart(settings=TURNS), team="cops", reward="turns")
+    best = {team: solution.strategy(team) for team in ("cops", "robbers")}
+    agents = [{"name": "cop_0", "node": 4}, {"name": "cop_1", "node": 1}]
+    for start in (cops_apart(settings=TURNS), cops_apart(settings=TURNS).replace(**{"teams.cops.agents": agents})):
+        assert start.play(strategies=best).turns == -solution.value
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"conflicts": {"resolve": {"by_priority": ["robbers", "cops"]}}},
+        {"rules": [*PURSUIT, "solved_games:nothing"]},
+        {"rules": [*PURSUIT, {"rule": "respawn"}]},
+        {"teams.cops.agents": [{"name": "cop_0", "node": 1, "speed": 2}, {"name": "cop_1", "node": 4}]},
+        {"rules": [{"rule": "tag", "with": {"taggers": "robbers", "tagged": "cops"}}]},  # which return to their starts
+    ],
+)
+def test_agents_that_something_may_tell_apart_are_not_sorted(changes):
+    assert solve(cops_apart().replace(**changes), reward="turns", turns=1).table.sorted_agents is None
+
+
+def test_agents_that_turns_tell_apart_are_noticed_in_play(monkeypatch):
+    agents = [{"name": "cop_0", "node": 0, "speed": 2}, {"name": "cop_1", "node": 0}]
+    scenario = pursuit("path", [0, 0], [3], turns=4).replace(**{"teams.cops.agents": agents})
+    value = solve(scenario, reward="turns").value
+    monkeypatch.setattr("gamms.solve.worlds._find_interchangeable", lambda _, __: [np.array([0, 1])])
+    noticed = solve(scenario, reward="turns")
+    assert noticed.table.sorted_agents is None
+    assert noticed.value == pytest.approx(value, abs=1e-9)
+
+
+def test_agents_that_a_reward_may_tell_apart_are_not_sorted():
+    def near(transition):
+        return 1.0 if transition.after["cop_0"] == 1 else 0.0
+
+    scenario = cops_apart().replace(max_turns=2)
+    assert solve(scenario, reward=near).table.sorted_agents is None
+    cops = solve(scenario, reward="turns").strategy("cops")
+    with pytest.raises(BadValue, match=r"interchangeable agents sorted.*function as its reward, too"):
+        best_response(scenario, team="robbers", against=cops, reward=near)
+
+
+def test_a_function_as_the_reward_of_a_response_sees_where_agents_are_at_the_end():
+    def far(transition):
+        return 1.0 if transition.is_over and transition.after["robber_0"] in (None, 4) else 0.0
+
+    def caught(transition):
+        return float(transition.winner == "cops")
+
+    scenario = pursuit("path", [2], [3], turns=3)
+    cops = [solve(scenario, team="cops", reward=reward).strategy("cops") for reward in ("win", caught)]
+    values = [best_response(scenario, team="robbers", against=one, reward=far).value for one in cops]
+    assert values[0] == pytest.approx(values[1], abs=1e-9)
+    assert values[0] > 0.0
+
+
+def test_it_makes_no_difference_which_of_several_sorted_agents_lots_take_out():
+    near = {"rule": "tag", "with": {"taggers": "cops", "tagged": "robbers", "then": "eliminate", "hops": 1}}
+    scenario = pursuit("pair", [0], [1, 1], turns=5).replace(rules=[near, "last_team"])
+    solution = solve(scenario, reward="turns", team="cops")
+    assert solution.value == -2.0  # one in each turn
+    assert solution.value_at({"robber_1": None}, 1) == solution.value_at({"robber_0": None}, 1) == -1.0
+    assert solution.policy("robbers", {"robber_0": None}, 1)[0].nodes.keys() == {"robber_1"}
 
 
 @pytest.mark.parametrize("rule", ["solved_games:shut", "solved_games:shut_in_arrays"])

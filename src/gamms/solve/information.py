@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import product
+from sys import maxsize
 
 from gamms.context import Context
-from gamms.solve.table import Table
+from gamms.solve.table import Table, explore
 from gamms.solve.worlds import as_sorted
 from gamms.typing import IAgent
 
@@ -70,6 +71,8 @@ def observing(table: Table) -> Iterator[SensorObserver]:
 
 def sensor_information(table: Table) -> dict[str, str]:
     """Return how much the sensors of each deciding team show; see `Solution.sees`."""
+    if table.sorted_agents is not None:  # sensors may tell agents apart that are sorted
+        table = explore(table.setup._replace(max_states=maxsize), by_winner=table.by_winner)
     with observing(table) as observer:
         if observer.is_full:
             return dict.fromkeys(table.setup.teams, "full")

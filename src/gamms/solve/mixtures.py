@@ -185,6 +185,7 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     table = explore(
         setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
         by_winner=looks_at_winners(reward),
+        merges=not callable(reward),
     )
     if table.last_turn is None or table.last_turn > _MOST_TURNS:
         raise BadValue(

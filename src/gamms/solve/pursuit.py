@@ -22,16 +22,14 @@ from gamms.game import Game
 from gamms.game.array_functions.declarations import array_strategy
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
-from gamms.game.settings import NamedRule
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids, labels
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.limits import refuse_above
-from gamms.rules.in_core import FORMS
 from gamms.solve.solution import Choice, Reward, Solution, solved
 from gamms.solve.stages import Bound
 from gamms.solve.table import Table, explore
-from gamms.solve.worlds import GameSetup, TurnTerms
+from gamms.solve.worlds import GameSetup, TurnTerms, name_shipped_rule
 from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing import SensorType
@@ -544,7 +542,7 @@ class PursuitSolution(Solution):
             BadValue: the pursuit was solved on a graph, without a scenario.
             TooLarge: see `solve`.
         """
-        return explore(self._setup_of("table"), by_winner=True)
+        return explore(self._setup_of("table"), by_winner=True, merges=True)
 
     def _setup_of(self, name: str) -> GameSetup:
         if self._setup is None:
@@ -794,7 +792,7 @@ class _PursuitRules(NamedTuple):
     def of(cls, ctx: Context) -> "_PursuitRules | None":
         """Return the rules of a game; None: it is not a pursuit in turns with full sight."""
         game: Game = ctx.game
-        named = [(_name_of(rule), rule) for rule in game.rules]
+        named = [(name_shipped_rule(rule), rule) for rule in game.rules]
         names = [name for name, _ in named]
         if (
             names[:1] != ["tag"]
@@ -814,14 +812,6 @@ class _PursuitRules(NamedTuple):
         if not (is_won and ends and first is not None and _has_usual_agents(game, teams) and _sees_all(game)):
             return None
         return cls(teams, exits, (float(parts[0].score), bounty), first)
-
-
-def _name_of(rule: NamedRule) -> str:
-    """Return the name of a shipped rule that is called after the moves; "": it is another one."""
-    form = rule.spec.core_form
-    name = form.func.__name__ if isinstance(form, partial) else ""
-    is_shipped = isinstance(form, partial) and FORMS.get(name) is form.func and rule.phase == "after"
-    return name if is_shipped else ""
 
 
 def _is_capture(part: Any) -> bool:  # Any: what `tag` was called with

@@ -38,7 +38,7 @@ class Choice(NamedTuple):
 
     Attributes:
         share: the probability, from 0 to 1.
-        nodes: agent -> the node that it goes to.
+        nodes: living agent -> the node that it goes to.
     """
 
     share: float
@@ -90,8 +90,8 @@ class TableStrategy(ABC):
         memory = state["memory"]
         number = self._state_at(nodes, state["turn"], memory.get(_MEMORY))
         memory[_MEMORY] = number
-        action = self._action(ctx, state, number, self._action_seen(number, moved))
-        return self._table.actions_of(number, self._side, action)[state["name"]]
+        action = self._action(ctx, state, number, self._action_seen(number, nodes, moved))
+        return self._table.actions_of(number, self._side, action, nodes)[state["name"]]
 
     @abstractmethod
     def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
@@ -110,12 +110,12 @@ class TableStrategy(ABC):
             key = kernels.purpose_key(ctx.seed, purpose)
         return kernels.fraction(kernels.draw_bits(key, self._side, turn))
 
-    def _action_seen(self, number: int, moved: Mapping[str, int]) -> int | None:
-        """Return the joint action of the other team from its agents' moves in this turn."""
+    def _action_seen(self, number: int, nodes: list[int], moved: Mapping[str, int]) -> int | None:
+        """Return the joint action of the other team from its agents' nodes before the turn and moves in it."""
         table = self._table
         other = 1 - self._side
         for action in range(int(table.sizes[number, other]) if moved and len(table.setup.teams) == 2 else 0):
-            wanted = table.actions_of(number, other, action)
+            wanted = table.actions_of(number, other, action, nodes)
             if all(moved.get(name, node) == node for name, node in wanted.items()):
                 return action
         return None  # the other team does not move first, or a conflict has stopped it
@@ -189,10 +189,10 @@ class SolvedStrategy(TableStrategy):
             of: the team that gets the reward; the other one pays.
 
         Raises:
-            BadValue: the strategy counts down turns in a game without a last turn, or the game was solved without
-                winners.
+            BadValue: the strategy counts down turns in a game without a last turn, the game was solved without
+                winners, or agents that a function as the reward tells apart were sorted.
         """
-        stages = self._stages
+        stages = self._stages_for(reward)
         side = 1 - self._side
         table = stages.table
         if stages.counts_down(self._side):
@@ -207,6 +207,18 @@ class SolvedStrategy(TableStrategy):
         rewards = rewards_of(table, reward, stages.rewards.discount, of)
         answers = BestResponseValues(table, rewards, stages.tolerance, stages, side)
         return TableSolution(table, answers, table.setup.teams[side], reward)
+
+    def _stages_for(self, reward: Reward) -> ValueIteration:
+        """Return the values on a table that has what a reward reads."""
+        table = self._stages.table
+        if not callable(reward) or not table.is_merged:
+            return self._stages
+        if table.sorted_agents is not None:
+            raise BadValue(
+                f"{self!r} is from a game that was solved with interchangeable agents sorted, and a function as the "
+                "reward may tell them apart: solve the game with a function as its reward, too."
+            )
+        return self._stages.move_to(explore(table.setup, by_winner=table.by_winner))
 
 
 def shares_of(stages: ValueIteration, number: int, left: int, side: int) -> FloatArray:
@@ -390,7 +402,7 @@ class TableSolution(Solution):
     def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
         """Return the values by the position of an agent; see `Solution.values`."""
         played = as_count(turn, "turn", 0)
-        nodes = self.table.nodes[:, self._agent(agent)]
+        nodes = self.table.nodes[:, self._alike(self._agent(agent))]
         found = {}
         for node in np.unique(nodes).tolist():
             numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
@@ -401,11 +413,14 @@ class TableSolution(Solution):
     def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
         """Return the joint actions of a team in a state with their probabilities; see `Solution.policy`."""
         side = self._side_of(team)
-        number = self._number(places or {}, as_count(turn, "turn", 0))
+        given = places or {}
+        nodes = self._nodes(given)
+        number = self._number(given, as_count(turn, "turn", 0))
         own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
         shares = own[:, int(other[:, 0].argmax())]
         chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])
-        return [Choice(share, self.table.actions_of(number, side, action)) for action, share in chosen if share > 0.0]
+        played = [(share, action) for action, share in chosen if share > 0.0]
+        return [Choice(share, self.table.actions_of(number, side, action, nodes)) for share, action in played]
 
     def _value_of(self, number: int, turn: int) -> float:
         last = self.table.last_turn
@@ -416,8 +431,14 @@ class TableSolution(Solution):
         names = self.table.roster.names
         return names.index(as_known(name, "agent", names))
 
+    def _alike(self, agent: int) -> list[int]:
+        """Return the agents that are sorted together with an agent."""
+        known = self.table.sorted_agents
+        groups = [] if known is None else [group.tolist() for group in known.groups]
+        return next((group for group in groups if agent in group), [agent])
+
     def _nodes(self, places: Mapping[str, int | None]) -> list[int]:
-        nodes: list[int] = np.where(self.table.alive[0], self.table.nodes[0], -1).tolist()
+        nodes = list(self.table.start_places)
         for name, node in as_mapping(places, "places").items():
             nodes[self._agent(name)] = -1 if node is None else as_node_id(node, f"places[{shown(name)}]")
         return nodes
@@ -471,7 +492,7 @@ _OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "no
 def solved(setup: GameSetup, reward: Reward, discount: float, of: str) -> TableSolution:
     """Return the solution of a game with one or two deciding teams; `of` is the team that gets the reward."""
     share = checked_discount(reward, discount)
-    table = explore(setup, by_winner=looks_at_winners(reward))
+    table = explore(setup, by_winner=looks_at_winners(reward), merges=not callable(reward))
     stages = ValueIteration(table, rewards_of(table, reward, share, of), TOLERANCE)
     return TableSolution(table, stages, setup.teams[0], reward)
 

@@ -1,7 +1,8 @@
 """Value iteration: the values of all states by the number of turns left, and optimal play there (Shapley 1953)."""
 
+from copy import copy
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
@@ -124,6 +125,18 @@ class ValueIteration:
                 for fewer in np.unique(fewest[fewest < left]).tolist():
                     at = np.flatnonzero(fewest == fewer)
                     found[team][at] = self._play(StateGroup(shape.states[at], shape.rows[at]), fewer)[team]
+        return found
+
+    def move_to(self, table: Table) -> Self:
+        """Return these values for a table of the same game that differs only in its ends."""
+        found = copy(self)
+        found.table = table
+        found.values = []
+        goes_on = [np.flatnonzero(np.diff(one.offsets)) for one in (self.table, table)]
+        for values in self.values:
+            moved = np.zeros(len(table))
+            moved[goes_on[1]] = values[goes_on[0]]
+            found.values.append(moved)
         return found
 
     def _fewest(self, states: IntArray, left: int) -> IntArray:
@@ -261,6 +274,12 @@ class BestResponseValues(ValueIteration):
         self._other = other
         self._team = team
         super().__init__(table, rewards, tolerance)
+
+    def move_to(self, table: Table) -> Self:
+        """Return these values and the other team's strategy; see `ValueIteration.move_to`."""
+        found = super().move_to(table)
+        found._other = self._other.move_to(table)
+        return found
 
     def _is_settled(self, left: int) -> bool:
         return super()._is_settled(left) and left > len(self._other.values)

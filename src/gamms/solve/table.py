@@ -90,13 +90,15 @@ class Table:
         order: -1 if the first team moves before the second, 1 if it moves after it, 0 if they move simultaneously.
         earlier: the names of the agents that move before each team in a turn.
         last_turn: the turn after which the game ends; None: unknown.
+        start_places: the nodes of all agents at the start, -1: out.
+        sorted_agents: interchangeable agents, which are sorted by their nodes in all states; None: there are none.
+        is_merged: whether ends with the same winner are one state, which has no places.
         by_winner: whether winners were compared.
         by_turn: whether the turn is part of the state.
         by_scores: whether the scores so far are part of the state.
         nodes: (states, agents) the positions of agents.
         alive: (states, agents)
         level: (states,) the turn at which a state was first found.
-        parents: (states, 2) the state and the row from which it was first found; -1 for the start.
         legal: (states, agents, most) ids of nodes, padded with -1.
         counts: (states, agents) the number of choices of an agent, 1 if it decides nothing.
         sizes: (states, 2) the number of joint actions of each team.
@@ -106,11 +108,21 @@ class Table:
     """
 
     def __init__(
-        self, setup: GameSetup, world: TurnSimulator, parts: "_FoundStates", *, by_turn: bool, by_winner: bool
+        self,
+        setup: GameSetup,
+        world: TurnSimulator,
+        parts: "_FoundStates",
+        *,
+        by_turn: bool,
+        by_winner: bool,
+        is_merged: bool,
     ) -> None:
         self.setup = setup
         self.roster = world.roster
         self.last_turn = world.terms.last_turn
+        self.start_places = world.start_places
+        self.sorted_agents = world.sorted_agents
+        self.is_merged = is_merged
         self.by_winner = by_winner
         self.order = _order_of(world, setup.teams)
         self.by_turn = by_turn
@@ -120,7 +132,6 @@ class Table:
         self.nodes = np.concatenate(parts.nodes)
         self.alive = np.concatenate(parts.alive)
         self.level = np.array(parts.level)
-        self.parents = np.concatenate(parts.parents)
         most = max((one.shape[2] for one in parts.legal), default=1)
         self.legal = np.full((states, len(self.roster.names), most), -1)
         self.counts = np.ones(self.nodes.shape, np.int64)
@@ -153,13 +164,30 @@ class Table:
             shapes.append(StateGroup(states, self.offsets[states][:, None, None] + grid))
         return shapes
 
-    def actions_of(self, state: int, team: int, action: int) -> dict[str, int]:
-        """Return agent -> the node that it goes to, for a joint action of the first or the second team."""
+    def actions_of(self, state: int, team: int, action: int, places: Sequence[int] | None = None) -> dict[str, int]:
+        """Return living agent -> the node that it goes to, for a joint action of the first or the second team.
+
+        Args:
+            state: the number of the state.
+            team: 0 or 1.
+            action: the number of the joint action.
+            places: the nodes of all agents, in order, before they are sorted; None: they are sorted.
+        """
+        named = range(len(self.roster.names)) if places is None else self._sort(places)[0].tolist()
         chosen = {}
         for agent in reversed(self.members(team).tolist()):
             action, own = divmod(action, int(self.counts[state, agent]))
-            chosen[self.roster.names[agent]] = int(self.legal[state, agent, own])
+            if self.alive[state, agent]:
+                chosen[self.roster.names[named[agent]]] = int(self.legal[state, agent, own])
         return chosen
+
+    def _sort(self, places: Sequence[int]) -> tuple[IntArray, IntArray]:
+        """Return whose place each agent takes in a sorted state, and the sorted nodes, (agents,) each."""
+        nodes = np.array(places)
+        if self.sorted_agents is None:
+            return np.arange(len(nodes)), nodes
+        order = self.sorted_agents.order(nodes[None], nodes[None] >= 0)[0]
+        return order, nodes[order]
 
     def row_of(self, state: int, actions: Sequence[int]) -> int:
         """Return the row of a state and the joint actions of the teams."""
@@ -174,7 +202,8 @@ class Table:
             places: the nodes of all agents, in order.
             turn: the number of turns played.
         """
-        found = self._at.get((turn if self.by_turn else None, *places), [])
+        nodes = self._sort(places)[1].tolist()
+        found = self._at.get((turn if self.by_turn else None, *nodes), [])
         return found if self.last_turn is None else [state for state in found if self._is_played_from(state, turn)]
 
     def _is_played_from(self, state: int, turn: int) -> bool:
@@ -187,7 +216,7 @@ class Table:
         Args:
             places: the nodes of all agents, in order.
         """
-        is_there = (np.where(self.alive, self.nodes, -1) == np.array(places)).all(axis=1)
+        is_there = (np.where(self.alive, self.nodes, -1) == self._sort(places)[1]).all(axis=1)
         levels = self.level[is_there & (np.diff(self.offsets) > 0)]
         return int(levels.min()) if len(levels) else None
 
@@ -198,7 +227,7 @@ class Table:
         after = self.usual.after
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         played = np.full(len(self), _ALL_TURNS)
-        reached = self.level == last - 1  # first reached there, so only the last turn was played from them
+        reached = (self.level == last - 1) & (np.diff(self.offsets) > 0)  # only the last turn was played from them
         for turns in range(1, last + 1):
             played[reached] = turns
             leads_there = np.bincount(sources, reached[after], len(self)) > 0
@@ -221,7 +250,7 @@ class Table:
         return found
 
     def transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
-        """Yield each row as a `Transition`, for reward functions."""
+        """Yield each row as a `Transition`, for reward functions; not for a table whose ends are merged."""
         teams = self.roster.teams
         where = [self.named(nodes) for nodes in np.where(self.alive, self.nodes, -1).tolist()]
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
@@ -262,7 +291,6 @@ class _FoundStates:
         self.level: list[int] = []  # of each state
         self.nodes: list[IntArray] = []
         self.alive: list[BoolArray] = []
-        self.parents: list[IntArray] = []
         self.played: list[IntArray] = []  # the states for `legal`, `counts` and `sizes`
         self.legal: list[IntArray] = []
         self.counts: list[IntArray] = []
@@ -303,30 +331,34 @@ class _StateNumbers:
 
 
 class _HiddenDependence(Exception):
-    """Turns depend on the time or on the scores, which therefore must be part of the state."""
+    """Turns depend on the time, the scores or the agents' names, which therefore must be part of the state."""
 
 
-def explore(setup: GameSetup, *, by_winner: bool) -> Table:
+def explore(setup: GameSetup, *, by_winner: bool, merges: bool = False) -> Table:
     """Return all states of a game that can be reached from its start, and its transitions.
 
     Args:
         setup: the setup of the game.
         by_winner: whether the winner matters.
+        merges: whether ends with the same winner are one state, and states that differ only by interchangeable agents.
 
     Raises:
         TooLarge: there are too many states.
         BadValue: the game has an unsupported feature, such as random draws.
     """
-    world = simulator_of(setup)
+    world = simulator_of(setup, sorts_agents=merges)
     last = world.terms.last_turn
     by_turn = last is not None and last <= _SHORT
     try:
         while True:
             try:
-                explorer = _Explorer(world, setup, by_turn=by_turn, by_winner=by_winner)
-                return Table(setup, world, explorer.explore(), by_turn=by_turn, by_winner=by_winner)
+                explorer = _Explorer(world, setup, by_turn=by_turn, by_winner=by_winner, merges_ends=merges)
+                found = explorer.explore()
+                return Table(setup, world, found, by_turn=by_turn, by_winner=by_winner, is_merged=merges)
             except _HiddenDependence as what:
                 by_turn = by_turn or what.args[0] == "turn"
+                if what.args[0] == "agents":
+                    world.sorted_agents = None
                 world.with_scores = world.with_scores or what.args[0] == "scores"
     finally:
         world.close()
@@ -335,7 +367,10 @@ def explore(setup: GameSetup, *, by_winner: bool) -> Table:
 class _Explorer:
     """Plays all turns from all states, level by level."""
 
-    def __init__(self, world: TurnSimulator, setup: GameSetup, *, by_turn: bool, by_winner: bool) -> None:
+    def __init__(
+        self, world: TurnSimulator, setup: GameSetup, *, by_turn: bool, by_winner: bool, merges_ends: bool
+    ) -> None:
+        self._merges_ends = merges_ends
         self._world = world
         self._setup = setup
         self._by_turn = by_turn
@@ -349,7 +384,7 @@ class _Explorer:
 
     def explore(self) -> _FoundStates:
         start = self._world.start()
-        self._number(start, np.full(1, GOES_ON), 0, np.full((1, 2), -1))
+        self._number(start, np.full(1, GOES_ON), 0)
         turn = 0
         while self._new and (self._last is None or turn < self._last):
             ids = np.concatenate([numbers for numbers, _ in self._new])
@@ -387,7 +422,7 @@ class _Explorer:
             played = self._play(frontier, source, chosen, turn)
             rows = np.column_stack((ids[source], action))
             found.rows.append(rows)
-            after = self._number(played.states, played.winner, turn + 1, rows)
+            after = self._number(played.states, played.winner, turn + 1)
             found.usual.append(Outcomes(after, played.gains, played.winner))
             if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
                 late = played if turn == self._last - 1 else self._play_last(frontier, source, chosen, self._last - 1)
@@ -406,7 +441,10 @@ class _Explorer:
         """Play turns, and again with another seed, turn and scores, to detect whether they depend on these."""
         world = self._world
         played = world.play(states, rows, chosen, turn)
-        shift = Perturbation(seed=1, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
+        more = 0.0 if world.with_scores else _MORE_SCORE
+        shift = Perturbation(
+            seed=1, turns=self._other_turn(turn), scores=more, exchanges=world.sorted_agents is not None
+        )
         again = np.tile(np.arange(len(rows)), max(1, _DRAWS // len(rows)))  # each with a seed of its own
         other = world.play(states, rows[again], chosen[again], turn, shift)
         same = played if len(again) == len(rows) else played.take(again)
@@ -441,6 +479,8 @@ class _Explorer:
         for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
             if goes_differently(one):
                 raise _HiddenDependence(name)
+        if shift.exchanges:
+            raise _HiddenDependence("agents")
         roster = self._world.roster
         nodes = self._world.places(states)[0][0].tolist()
         where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
@@ -452,7 +492,7 @@ class _Explorer:
             "games: scenario.batch(…)."
         )
 
-    def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
+    def _number(self, states: States, winner: IntArray, turn: int) -> IntArray:
         """Return the numbers of states; store new ones."""
         level = self._found.level
         numbers = self._find(states, winner)
@@ -466,23 +506,24 @@ class _Explorer:
         if len(rows):
             new = rows[np.unique(numbers[rows], return_index=True)[1]]
             level += [turn] * len(new)
-            self._store(states, new, winner, numbers, parents)
+            self._store(states, new, winner, numbers)
         return numbers
 
     def _find(self, states: States, winner: IntArray) -> IntArray:
         """Return the numbers of states with these winners; new ones get the next numbers."""
         keys = states.keys(winner)
+        if self._merges_ends:
+            keys[winner != GOES_ON, :-1] = 0
         if self._numbers is None:
             self._numbers = _StateNumbers(keys.shape[1], len(self._found.level))
         return self._numbers.add(keys)
 
-    def _store(self, states: States, new: IntArray, winner: IntArray, numbers: IntArray, parents: IntArray) -> None:
+    def _store(self, states: States, new: IntArray, winner: IntArray, numbers: IntArray) -> None:
         """Store new states, in these rows; those in which the game goes on are on the next level."""
         found = self._found
         nodes, alive = self._world.places(states.take(new))
         found.nodes.append(nodes)
         found.alive.append(alive)
-        found.parents.append(parents[new])
         if len(found.level) > self._setup.max_states:
             raise TooLarge(self._too_many())
         going = new[winner[new] == GOES_ON]

@@ -1,12 +1,13 @@
 """One turn of a game from any of its states, by the scenario's own rules: many at once in a batch, or one by one.
 
 A batch plays games whose states are in its columns; see `_fits_columns`. Each turn is played twice, the second time
-with another seed, turn and scores, to detect dependence on these.
+with another seed, turn and scores, and with interchangeable agents exchanged, to detect dependence on these.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
-from itertools import chain
-from math import ceil, prod
+from functools import partial
+from itertools import chain, combinations
+from math import ceil, comb, prod
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -21,9 +22,11 @@ from gamms.game.block.columns import AgentTable, roster_of
 from gamms.game.block.state import Columns
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.hidden_state import HiddenState
+from gamms.game.settings import NamedRule
 from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
 from gamms.strategies import stay
 from gamms.text import shown
@@ -36,6 +39,8 @@ _MOST_ROWS = 1 << 12  # turns that are played at once in a batch
 _FEWEST_ROWS = 128
 _FEW_ROWS = 256  # turns that are played one by one
 _FIXED = ("start", "is_there")  # columns of a batch that only functions change, which these games do not call
+_PLACES = {"node", "alive"}  # columns that are exchanged with agents
+_OF_TEAMS = {"tag", "reach", "arrive", "last_team", "none_left", "time_limit", "published"}  # rules without a memory
 TOLERANCE = 1e-9  # for comparing scores
 
 
@@ -46,11 +51,13 @@ class Perturbation(NamedTuple):
         seed: 0: the same seed; else another seed for each turn, derived from this number.
         turns: the number of turns by which it is later.
         scores: the amount that is added to the first team's score, twice to the second's, and so on.
+        exchanges: whether interchangeable agents exchange their places and actions.
     """
 
     seed: int
     turns: int
     scores: float
+    exchanges: bool = False
 
 
 SAME = Perturbation(seed=0, turns=0, scores=0.0)
@@ -103,6 +110,42 @@ def concatenate(parts: Sequence[States]) -> States:
     return States(np.concatenate([one.records for one in parts]), snapshots)
 
 
+class SortedAgents(NamedTuple):
+    """Groups of interchangeable agents, which are sorted by their places, so that states do not tell them apart.
+
+    Attributes:
+        groups: the numbers of the agents of each group, two at least.
+        exchanges: (exchanges, agents) ways to exchange agents of the groups: for each agent, whose place it takes.
+    """
+
+    groups: Sequence[IntArray]
+    exchanges: IntArray
+
+    @classmethod
+    def of(cls, groups: Sequence[IntArray], agents: int) -> "SortedAgents":
+        """Return groups of a number of agents, with all exchanges of two, and one that exchanges all at once."""
+        every = np.arange(agents)
+        pairs = [pair for group in groups for pair in combinations(group.tolist(), 2)]
+        exchanges = np.tile(every, (len(pairs) + 1, 1))
+        for number, (one, two) in enumerate(pairs):
+            exchanges[number, [one, two]] = two, one
+        for group in groups:
+            exchanges[-1, group] = group[::-1]
+        return cls(groups, exchanges)
+
+    def order(self, nodes: IntArray, alive: BoolArray) -> IntArray:
+        """Return for each agent the number of the agent whose place it takes in the sorted state, (states, agents).
+
+        Args:
+            nodes: (states, agents) the ids of nodes.
+            alive: (states, agents)
+        """
+        order = np.tile(np.arange(nodes.shape[1]), (len(nodes), 1))
+        for group in self.groups:
+            order[:, group] = group[np.lexsort((nodes[:, group], alive[:, group]))]
+        return order
+
+
 class TurnResults(NamedTuple):
     """The results of a turn from many states.
 
@@ -138,12 +181,16 @@ class TurnSimulator(Protocol):
         terms: the order of play and the last turn.
         rows: the best number of turns to play at once.
         with_scores: whether the scores so far are part of a state.
+        sorted_agents: interchangeable agents, which are sorted in all states; None: there are none.
+        start_places: the nodes of all agents at the start, -1: out.
     """
 
     roster: AgentTable
     terms: "TurnTerms"
     rows: int
     with_scores: bool
+    sorted_agents: SortedAgents | None
+    start_places: list[int]
 
     def start(self) -> States:
         """Return the initial state of the game."""
@@ -210,8 +257,12 @@ class GameSetup(NamedTuple):
     limit: str = "max_states"
 
 
-def simulator_of(setup: GameSetup) -> TurnSimulator:
+def simulator_of(setup: GameSetup, *, sorts_agents: bool) -> TurnSimulator:
     """Return the simulator for the turns of a game.
+
+    Args:
+        setup: the setup of the game.
+        sorts_agents: whether states may be merged that differ only by interchangeable agents.
 
     Raises:
         BadValue: the game has an unsupported feature.
@@ -221,12 +272,14 @@ def simulator_of(setup: GameSetup) -> TurnSimulator:
     try:
         game = ctx.game
         _refuse(game)
-        number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup))
-        if not _fits_columns(ctx):
+        in_columns = _fits_columns(ctx)
+        groups = _find_interchangeable(ctx, setup) if in_columns and sorts_agents else []
+        number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup, groups))
+        if not in_columns:
             return ContextSimulator(ctx, setup)
         batch = game.batch(number + 1, seeds=range(setup.seed, setup.seed + number + 1))
         ctx.terminate()
-        return BatchSimulator(batch, setup)
+        return BatchSimulator(batch, setup, groups)
     except BaseException:
         ctx.terminate()
         raise
@@ -248,17 +301,52 @@ def _fits_columns(ctx: Context) -> bool:
     )
 
 
-def _positions(ctx: Context, setup: GameSetup) -> int:
-    """Return the number of joint positions that agents may reach; refuse too many."""
+def name_shipped_rule(rule: NamedRule) -> str:
+    """Return the name of a shipped rule that is called after the moves; "": it is another one."""
+    form = rule.spec.core_form
+    name = form.func.__name__ if isinstance(form, partial) else ""
+    is_shipped = isinstance(form, partial) and FORMS.get(name) is form.func and rule.phase == "after"
+    return name if is_shipped else ""
+
+
+def _find_interchangeable(ctx: Context, setup: GameSetup) -> list[IntArray]:
+    """Return groups of agents that may exchange their places without changing later turns, by their numbers.
+
+    All teams must be decided by the solver, because strategies may tell agents apart by their names. So may conflicts,
+    and all rules but those that name teams only and remember nothing. Agents of a group have the same team, speed, and,
+    if a tag puts agents back there, start.
+    """
+    game: Game = ctx.game
+    is_decided = not setup.others and all(agent.team in setup.teams for agent in game.agents)
+    if not is_decided or game.settings()["conflicts"] is not None:
+        return []
+    if not all(name_shipped_rule(rule) in _OF_TEAMS for rule in game.rules):
+        return []
+    parts = chain.from_iterable(rule.spec.parts for rule in game.rules if name_shipped_rule(rule) == "tag")
+    goes_back = any(part.then != "eliminate" for part in parts)
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for number, agent in enumerate(AgentTable.of(game.agents).agents):
+        key = agent.team, agent.speed, agent.current_node_id if goes_back else None
+        groups.setdefault(key, []).append(number)
+    return [np.array(group) for group in groups.values() if len(group) > 1]
+
+
+def _positions(ctx: Context, setup: GameSetup, groups: Sequence[IntArray]) -> int:
+    """Return the number of joint positions that agents may reach, with groups sorted; refuse too many."""
     game = ctx.game
     graph = ctx.graph.columns()
     last = TurnTerms.of(game, setup.last_turn).last_turn
-    reached = []
-    for agent in game.agents:
+    places = []
+    for agent in AgentTable.of(game.agents).agents:
         steps = len(graph.node_ids) if last is None else last * ceil(agent.speed or 1)
         steps = steps if game.settings()["legal"] == "edges" else len(graph.node_ids)
-        reached.append(_within(graph, int(np.flatnonzero(graph.node_ids == agent.current_node_id)[0]), steps))
+        places.append(_within(graph, int(np.flatnonzero(graph.node_ids == agent.current_node_id)[0]), steps))
+    reached = [int(place.sum()) for place in places]
     joint = prod(reached)
+    for group in groups:
+        several = int(np.logical_or.reduce([places[agent] for agent in group]).sum())
+        apart = prod(reached[agent] for agent in group)
+        joint = joint // apart * min(apart, comb(several + len(group) - 1, len(group)))
     if joint > setup.max_states:
         fitting = next(n for n in range(len(reached), -1, -1) if prod(sorted(reached)[:n]) <= setup.max_states)
         nodes = int(setup.max_states ** (1 / len(reached)))
@@ -271,8 +359,8 @@ def _positions(ctx: Context, setup: GameSetup) -> int:
     return joint
 
 
-def _within(graph: GraphColumns, row: int, steps: int) -> int:
-    """Return the number of nodes within this many edges of a node."""
+def _within(graph: GraphColumns, row: int, steps: int) -> BoolArray:
+    """Return a mask (nodes,) of the nodes within this many edges of a node."""
     seen = np.zeros(len(graph.node_ids), np.bool_)
     frontier = np.array([row])
     seen[row] = True
@@ -283,7 +371,7 @@ def _within(graph: GraphColumns, row: int, steps: int) -> int:
         seen[frontier] = True
         if not len(frontier):
             break
-    return int(seen.sum())
+    return seen
 
 
 def _refuse(game: Game) -> None:
@@ -314,7 +402,7 @@ class BatchSimulator:
 
     with_scores = False
 
-    def __init__(self, batch: Batch, setup: GameSetup) -> None:
+    def __init__(self, batch: Batch, setup: GameSetup, groups: Sequence[IntArray]) -> None:
         self._batch = batch
         self._teams = setup.teams
         game = batch.game
@@ -325,6 +413,9 @@ class BatchSimulator:
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
         self._start = {name: column for name, column in batch.columns().items() if name not in _FIXED}
+        can_sort = groups and {*self._start} == _PLACES
+        self.sorted_agents = SortedAgents.of(groups, len(self.roster.names)) if can_sort else None
+        self.start_places: list[int] = self._streets.ids_of(self._start["node"][0]).tolist()
         self._acting = [batch.observe(team).agents for team in setup.teams]
         self._scored: tuple[Hashable, ...] = ()  # the teams whose scores are fields of a record, after the columns
         self._fields: list[str] = []
@@ -384,9 +475,14 @@ class BatchSimulator:
         """Play a turn from the states in these rows."""
         batch = self._batch
         games = slice(shift.seed, shift.seed + len(rows))  # each game has a seed of its own
-        before = self._load(states, rows, games, turn + shift.turns, shift.scores)
         chosen = np.zeros((len(batch), actions.shape[1]), np.int64)
         chosen[games] = actions
+        exchange = None
+        if shift.exchanges and self.sorted_agents is not None:
+            ways = self.sorted_agents.exchanges
+            exchange = ways[np.arange(len(rows)) % len(ways)]
+            chosen[games] = np.take_along_axis(actions, exchange, 1)
+        before = self._load(states, rows, games, turn + shift.turns, shift.scores, exchange)
         given: dict[Hashable, OutsideActions] = {
             team: OutsideActions(chosen[:, agents], {}, {}, are_legal=True)
             for team, agents in zip(self._teams, self._acting, strict=True)
@@ -400,8 +496,24 @@ class BatchSimulator:
         winner = np.where(batch.is_over | is_last, find_winners(batch), GOES_ON)[games]
         return TurnResults(self._read_states(batch.columns(), scores, games), gains, winner)
 
-    def _load(self, states: States, rows: IntArray, games: slice, turn: int, more: float) -> dict[Any, FloatArray]:
+    def _load(
+        self,
+        states: States,
+        rows: IntArray,
+        games: slice,
+        turn: int,
+        more: float,
+        exchange: IntArray | None = None,
+    ) -> dict[Any, FloatArray]:
         """Load the states in these rows into games of the batch, with so much more points.
+
+        Args:
+            states: the states.
+            rows: their rows.
+            games: the games.
+            turn: the number of turns played.
+            more: see `Perturbation.scores`.
+            exchange: (rows, agents) for each agent, whose place it takes; None: its own.
 
         Returns:
             The scores by team; without those of teams that have none.
@@ -409,6 +521,9 @@ class BatchSimulator:
         records = states.records.take(rows)
         fields = [records[name] for name in self._fields]
         columns = dict(zip(self._start, fields, strict=False))
+        if exchange is not None:
+            columns = {name: np.take_along_axis(column, exchange, 1) for name, column in columns.items()}
+            columns["node"][~columns["alive"]] = self._streets.num_nodes - 1  # where they went out makes no difference
         scores = dict[Any, FloatArray](zip(self._scored, fields[len(columns) :], strict=True))
         for place, team in enumerate(self._batch.teams if more else ()):
             scores[team] = scores.get(team, 0.0) + np.full(len(rows), more * (place + 1))
@@ -416,11 +531,20 @@ class BatchSimulator:
         return scores
 
     def _read_states(self, columns: Columns, scores: Mapping[Any, FloatArray], games: slice) -> States:
-        """Return the states of games of the batch from its columns and scores."""
-        values = [*map(columns.__getitem__, self._start), *map(scores.__getitem__, self._scored)]
+        """Return the states of games of the batch from its columns and scores.
+
+        Interchangeable agents are sorted; then all agents that are out have the same node.
+        """
+        places = {name: columns[name][games] for name in self._start}
+        if self.sorted_agents is not None:
+            order = self.sorted_agents.order(self._streets.ids_of(places["node"]), places["alive"])
+            places = {name: np.take_along_axis(column, order, 1) for name, column in places.items()}
+            places["node"][~places["alive"]] = 0
+        values = list(places.values())
+        values += [scores[team][games] for team in self._scored]
         records = np.zeros(len(self._batch), self._record)[games]
         for name, column in zip(self._fields, values, strict=True):
-            records[name] = column[games]
+            records[name] = column
         return States(records)
 
 
@@ -429,10 +553,12 @@ class ContextSimulator:
 
     rows = _FEW_ROWS
     with_scores = False
+    sorted_agents: SortedAgents | None = None
 
     def __init__(self, ctx: Context, setup: GameSetup) -> None:
         self._game: Game = ctx.game
         self.roster = AgentTable.of(ctx.game.agents)
+        self.start_places = [one.current_node_id if one.alive else -1 for one in self.roster.agents]
         self.terms = TurnTerms.of(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}
