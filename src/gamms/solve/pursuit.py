@@ -123,7 +123,7 @@ class PursuitTable:
         self._row_of = {label: row for row, label in enumerate(roads.labels)}
         self._refuse_large()
         ranks = [[comb(row + number, number + 1) for row in range(len(roads.labels))] for number in range(pursuers)]
-        self._ranks = np.array(ranks, np.int64)  # (pursuers, nodes), see `_numbers`
+        self._ranks = [*np.array(ranks, np.int64)]  # of each pursuer: (nodes,) binomials, see `_numbers`
         formations = _formations(len(roads.labels), pursuers)
         self.codes = self._find(formations)
 
@@ -178,7 +178,7 @@ class PursuitTable:
                 rows, moves = kernels.expand_ranges(offsets[places], offsets[places + 1])
                 before = before[rows]
                 after = np.column_stack((after[rows], ends[moves]))
-            keys.append(np.unique(before * len(formations) + _numbers(np.sort(after, axis=1), self._ranks)))
+            keys.append(np.unique(before * len(formations) + self._numbers(np.sort(after, axis=1).T)))
         return np.divmod(np.concatenate(keys), len(formations))
 
     # -- single positions ---------------------------------------------------------------------------------------
@@ -202,7 +202,7 @@ class PursuitTable:
             place: the row of the evader.
         """
         if not self.exits[place] or place in places:
-            return int(self._codes_of(self.first, np.array(places), np.array(place)))
+            return int(self.codes[self.first, self._numbers(sorted(places)), place])
         _, [after] = self.best(
             self.first, np.array([places]), np.array([place])
         )  # a game begins here, and has not ended
@@ -210,8 +210,16 @@ class PursuitTable:
 
     def _codes_of(self, side: int, places: IntArray, place: IntArray) -> IntArray:
         """Return the codes of positions: `places` (…, pursuers), `place` (…)."""
-        found: IntArray = self.codes[side, _numbers(np.sort(places, axis=-1), self._ranks), place]
+        found: IntArray = self.codes[side, self._numbers(np.moveaxis(np.sort(places, axis=-1), -1, 0)), place]
         return found
+
+    def _numbers(self, places: Iterable[Any]) -> Any:  # Any: integers or arrays
+        """Return the numbers of formations.
+
+        Args:
+            places: the row of each pursuer, ascending: integers, or arrays of one shape.
+        """
+        return sum(rank[row] for rank, row in zip(self._ranks, places, strict=True))
 
     def best(self, side: int, places: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
         """Return the rows to which the agents of a side move under exact play, and the codes of the positions after it.
@@ -293,7 +301,7 @@ def _moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
 
 
 def _formations(nodes: int, pursuers: int) -> IntArray:
-    """Return all multisets of rows of nodes, (formations, pursuers), each ascending, ordered by `_numbers`."""
+    """Return all multisets of rows of nodes, (formations, pursuers), each ascending, ordered by their numbers."""
     found = np.zeros((1, 0), np.int64)
     for number in range(pursuers):
         counts = np.array([comb(row + number, number) for row in range(nodes)], np.int64)
@@ -301,12 +309,6 @@ def _formations(nodes: int, pursuers: int) -> IntArray:
         smaller = np.arange(len(last)) - np.repeat(np.cumsum(counts) - counts, counts)
         found = np.column_stack((found[smaller], last))
     return found
-
-
-def _numbers(formations: IntArray, ranks: IntArray) -> IntArray:
-    """Return the numbers of formations, (…, pursuers), each ascending; `ranks`: (pursuers, nodes) binomials."""
-    numbers: IntArray = ranks[np.arange(len(ranks)), formations].sum(axis=-1)
-    return numbers
 
 
 class PursuitTerms(NamedTuple):
@@ -658,11 +660,10 @@ class PursuitSolution(Solution):
 
     def _rows(self, places: Mapping[str, Any]) -> tuple[list[int], int]:
         """Return the rows of the pursuers and of the evader."""
-        given = as_mapping(places, "places")
-        for name, node in given.items():
-            if node is None:
+        now = {**self.start, **as_mapping(places, "places")}
+        for name, node in now.items():
+            if node is None or name not in self.start:
                 raise BadValue(f"places[{shown(self._known(name))}] is None: the pursuit is over without this agent.")
-        now = {**self.start, **{self._known(name): node for name, node in given.items()}}
         row = self.outcomes.row
         return [row(now[name]) for name in self._terms.pursuers], row(now[self._terms.evader])
 
