@@ -48,8 +48,14 @@ def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Solve games without a saddle point: maximize the sum of y with A y <= 1, for payoffs A between 1 and 2."""
+    """Solve games without a saddle point: maximize the sum of y with A y <= 1, for payoffs A between 1 and 2.
+
+    A tableau has as many rows as the row player has actions; the player with fewer is the row player.
+    """
     games, rows, columns = payoffs.shape
+    if rows > columns:
+        values, ys, xs = _by_simplex(-payoffs.transpose(0, 2, 1))
+        return -values, xs, ys
     least = payoffs.min(axis=(1, 2), keepdims=True)
     spread = payoffs.max(axis=(1, 2), keepdims=True) - least
     scaled = (payoffs - least) / spread + 1.0
