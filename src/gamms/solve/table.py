@@ -141,10 +141,8 @@ class Table:
             self.counts[ids] = counts
             self.sizes[ids] = sizes
         self.offsets = np.concatenate(([0], np.cumsum(self.sizes.prod(axis=1))))
-        rows = np.concatenate(parts.rows) if parts.rows else np.zeros((0, 2), np.int64)
-        place = self.offsets[rows[:, 0]] + rows[:, 1]
-        self.usual = _in_order(parts.usual, place)
-        self.last = _in_order(parts.last, place) if parts.last else None
+        self.usual = _concatenate_outcomes(parts.usual)
+        self.last = _concatenate_outcomes(parts.last) if parts.last else None
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -275,13 +273,9 @@ def _before(world: TurnSimulator, team: Any) -> list[str]:
     return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.plays_for(teams)).tolist()]
 
 
-def _in_order(parts: "list[Outcomes]", place: IntArray) -> Outcomes:
-    """Concatenate outcomes, and put each into its row."""
-    columns = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    ordered = [np.empty_like(column) for column in columns]
-    for column, values in zip(ordered, columns, strict=True):
-        column[place] = values
-    return Outcomes(*ordered)
+def _concatenate_outcomes(parts: "list[Outcomes]") -> Outcomes:
+    """Return the outcomes of all rows; states are played in the order of their numbers, so that they are in order."""
+    return Outcomes(*[np.concatenate(each) for each in zip(*parts, strict=True)])
 
 
 class _FoundStates:
@@ -295,8 +289,7 @@ class _FoundStates:
         self.legal: list[IntArray] = []
         self.counts: list[IntArray] = []
         self.sizes: list[IntArray] = []
-        self.rows: list[IntArray] = []  # (rows, 2) states and numbers of joint actions, for the outcomes
-        self.usual: list[Outcomes] = []
+        self.usual: list[Outcomes] = []  # by state, then by the number of the joint action
         self.last: list[Outcomes] = []
 
 
@@ -420,8 +413,6 @@ class _Explorer:
             action = actions[begin : begin + self._world.rows]
             chosen = self._decoded(action, counts[source], sizes[source])
             played = self._play(frontier, source, chosen, turn)
-            rows = np.column_stack((ids[source], action))
-            found.rows.append(rows)
             after = self._number(played.states, played.winner, turn + 1)
             found.usual.append(Outcomes(after, played.gains, played.winner))
             if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
@@ -542,31 +533,31 @@ class _Explorer:
 
     def _check_again(self) -> None:
         """Play again from states that were reached a second time, and compare the outcomes."""
-        played: dict[int, int] = {}
-        for place, ids in enumerate(self._found.played):
-            played.update(dict.fromkeys(ids.tolist(), place))
-        for number, states, turn in self._again:
-            if number in played and (self._last is None or turn < self._last - 1):
-                self._compare(number, states, turn, played[number])
-
-    def _compare(self, number: int, states: States, turn: int, place: int) -> None:
         found = self._found
-        of_state = int(np.flatnonzero(found.played[place] == number)[0])
-        counts = found.counts[place][of_state]
-        sizes = found.sizes[place][of_state]
-        actions = np.arange(int(sizes.prod()))
+        if not self._again:
+            return
+        played, counts, sizes = (np.concatenate(part) for part in (found.played, found.counts, found.sizes))
+        place_of = {number: place for place, number in enumerate(played.tolist())}
+        ends = np.cumsum(sizes.prod(axis=1)).tolist()
+        usual = _concatenate_outcomes(found.usual)
+        for number, states, turn in self._again:
+            if number in place_of and (self._last is None or turn < self._last - 1):
+                place = place_of[number]
+                rows = np.arange(ends[place] - sizes[place].prod(), ends[place])
+                first = Outcomes(usual.after[rows], usual.gains[rows], usual.winner[rows])
+                self._compare(states, turn, counts[place], sizes[place], first)
+
+    def _compare(self, states: States, turn: int, counts: IntArray, sizes: IntArray, first: Outcomes) -> None:
+        """Play all actions from a state again, and compare the outcomes with those when it was first reached."""
+        actions = np.arange(len(first.after))
         of_rows = np.zeros(len(actions), np.int64)
         chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
         later = self._world.play(states, of_rows, chosen, turn)
         reached = self._find(later.states, later.winner)
-        for rows, outcomes in zip(found.rows, found.usual, strict=True):
-            for at in np.flatnonzero(rows[:, 0] == number).tolist():
-                action = int(rows[at, 1])
-                changed = abs(later.gains[action] - outcomes.gains[at]).max() > TOLERANCE
-                if changed or reached[action] != outcomes.after[at]:
-                    nodes = self._world.places(states)[0][0].tolist()
-                    where = dict(zip(self._world.roster.names, nodes, strict=True))
-                    raise BadValue(
-                        f"This game cannot be solved: from {where} a turn has other outcomes after another history, "
-                        "although ctx.game.data is equal. Store the memory of rules there."
-                    )
+        if (reached != first.after).any() or (abs(later.gains - first.gains) > TOLERANCE).any():
+            nodes = self._world.places(states)[0][0].tolist()
+            where = dict(zip(self._world.roster.names, nodes, strict=True))
+            raise BadValue(
+                f"This game cannot be solved: from {where} a turn has other outcomes after another history, "
+                "although ctx.game.data is equal. Store the memory of rules there."
+            )
