@@ -655,7 +655,7 @@ class BatchEngine(TurnDriver):
         for movement, of_map in zip(movements, self._on, strict=True):
             begin[of_map] = movement.streets.rows(start[of_map])
         settings = games[0].settings()
-        self._state = GameArrays(rosters[0], movements[0], seeds, begin)
+        self._state = GameArrays(rosters[0], movements[0], seeds, begin, others=movements[1:])
         self._state.radio = _radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log

@@ -298,12 +298,10 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     """Add the data of a single game that views show beyond `_block_of_one`, for an agent that is asked."""
     game = ctx.game
     roster = block.roster
-    movement = block.movement
     turns = game.internals.parts.turns
     if game.team_memory:
         block.share_memories()
-    if len(movement.now):
-        movement.now[0] = state.get("time", 0.0)
+    block.time[0] = state.get("time", 0.0)
     blocked = game.internals.state.blocked
     block.blocked[0] = ["in conflict" in (blocked.get(one) or "") for one in roster.names]
     note_sensors(block, with_nodes=True)

@@ -120,10 +120,10 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         """Whether each agent got to its node by its move, rather than by a rule, (games, agents)."""
         by_move: BoolArray = self.took_part & (self.node == self.ends) & ~self._state.placed[self.games]
         if self.paths is not None and self.paths.edge is not None:
-            by_move &= self._state.movement.edge[self.games] == self.paths.edge
+            by_move &= self._state.edge[self.games] == self.paths.edge
             if self._is_moving and self.paths.legs is not None and self.paths.legs.edge.size:  # they have not moved yet
                 legs = self.paths.legs
-                share = self._state.movement.share[self.games]
+                share = self._state.share[self.games]
                 number = (legs.edge >= 0).sum(axis=-1)
                 end = np.take_along_axis(legs.end, np.maximum(number - 1, 0)[..., None], -1)[..., 0]
                 by_move &= (self.paths.edge < 0) | (number == 0) | (end == share)
@@ -142,7 +142,7 @@ class ArrayTurn(ShowsMap, ShallowCopied):
         if paths is None or not passing:
             counts = self.alive & (which[self.node] if is_of_nodes else which)
             if paths is not None and paths.edge is not None:
-                counts &= (self._state.movement.edge[self.games] < 0) | ~self.is_there_by_move
+                counts &= (self._state.edge[self.games] < 0) | ~self.is_there_by_move
             at, agents = np.nonzero(counts)
             node = self.node[at, agents]
             begin = np.ones(len(at))

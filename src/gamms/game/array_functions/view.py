@@ -183,8 +183,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         return rows[..., :most], is_legal[..., :most]
 
     def _time(self) -> FloatArray:
-        now = self._movement.now
-        return now[self.games] if len(now) else np.zeros(len(self.games))
+        return self._state.time[self.games]
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.legal_rows()

@@ -851,22 +851,27 @@ class CoreGames:
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
         block = self._block
-        by = self._state.movement
         columns = self._columns
         assert columns is not None and columns.arrivals is not None and columns.ends is not None  # noqa: S101, PT018
         columns.keep_courses()
         self._arrivals = columns.arrivals
         self._ends = columns.ends
         self._arrivals.now[games] = arrivals.UNBEGUN
-        self._before = [one.copy() for one in (self._state.node, by.edge, by.share, by.motion)]
+        self._before = [one.copy() for one in self._on_edges]
         self._last = block.start.copy(), block.went.copy(), block.takes_part.copy()
         self.arrival = 0
+
+    @property
+    def _on_edges(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """The columns that say where agents are, by metres."""
+        state = self._state
+        return state.node, state.edge, state.share, state.motion
 
     def arriving(self, games: IntArray) -> IntArray:
         """Return the given games in which agents arrive or set out; views then show the time."""
         now = self._arrivals.now
         goes_on = games[now[games] < np.inf]
-        self._state.movement.now[goes_on] = now[goes_on]
+        self._state.time[goes_on] = now[goes_on]
         return goes_on
 
     def deciding(self, games: IntArray) -> BoolArray:
@@ -896,13 +901,12 @@ class CoreGames:
     def end_arrivals(self, *, is_played: bool) -> None:
         """Put agents back to where the part of the turn began; if it was played, they move at its end."""
         block = self._block
-        by = self._state.movement
-        for column, before in zip((self._state.node, by.edge, by.share, by.motion), self._before, strict=True):
+        for column, before in zip(self._on_edges, self._before, strict=True):
             column[:] = before
         if self._last is not None and not is_played:
             block.start[:], block.went[:], block.takes_part[:] = self._last
         self._arrivals.now.fill(np.inf)
-        by.now.fill(0.0)
+        self._state.time.fill(0.0)
         self._last = None
         self.arrival = None
         self._state.now.clear()

@@ -361,7 +361,8 @@ class GameColumn(NamedTuple):
     Attributes:
         name: its name.
         kind: the type of its values.
-        axis: "agent", "flyer" (an agent that flies), "team" or "game": a row has a value for each of them.
+        axis: "agent", "flyer" (an agent that flies), "team" or "game": a row has a value for each of them; or
+            "walker" or "traveler", an agent in games with speeds in edges, or in metres.
         begins: what a game begins with: the name of values of `GameArrays.reset`; "": zeros.
         is_loaded: whether `columns` returns the column, and `load` sets it.
         width: the numbers in a value; 0: it is one number.
@@ -395,8 +396,15 @@ COLUMNS = (
     GameColumn("wanted_position", np.float64, "flyer", "nowhere", width=3),
     GameColumn("wanted_quat", np.float64, "flyer", "nowhere", width=4),
     GameColumn("has_flown", np.bool_, "flyer"),
+    GameColumn("begun", np.int64, "walker", "on_node", is_loaded=True),
+    GameColumn("covered", np.float64, "walker", is_loaded=True),
+    GameColumn("edge", np.int64, "traveler", "on_node", is_loaded=True),
+    GameColumn("share", np.float64, "traveler", is_loaded=True),
+    GameColumn("motion", np.int64, "traveler", is_loaded=True),
+    GameColumn("time", np.float64, "game"),
 )
 """The columns of all games. Starts, checkpoints, `columns` and `load` follow from these entries."""
+_OF_SOME = ("flyer", "walker", "traveler")  # axes that are empty in most batches
 
 
 class BatchColumns:
@@ -405,6 +413,7 @@ class BatchColumns:
     Args:
         roster: the agents of each game.
         seeds: the seed of each game.
+        movements: the movement of the agents on each map.
 
     Attributes:
         seeds: the seed of each game.
@@ -430,6 +439,12 @@ class BatchColumns:
         position, previous_position: (games, flying agents, 3) map units: where each is, and was before its last flight.
         quat: (games, flying agents, 4) the rotation of each.
         start_position, wanted_position, wanted_quat, has_flown: see `core.flight.TurnFlights`.
+        begun: (games, agents) by edges, the rows of the nodes at the ends of partly covered edges; -1: none.
+        covered: (games, agents) the covered shares of these edges.
+        edge: (games, agents) by metres, the rows of the edges that agents are on; -1: none.
+        share: (games, agents) the share of the edge behind each agent.
+        motion: (games, agents) its motion on the edge, see `ir.progress.Motion`.
+        time: (games,) the time in the turn, from 0 to 1, at which the asked agents decide.
         over: for each game, the reason, winner and truncation of its end; None while it continues.
         is_going: (games,) whether each game continues.
         stops: (games, agents) how often each agent was tagged, respawned or eliminated.
@@ -461,15 +476,25 @@ class BatchColumns:
     wanted_position: FloatArray
     wanted_quat: FloatArray
     has_flown: BoolArray
+    begun: IntArray
+    covered: FloatArray
+    edge: IntArray
+    share: FloatArray
+    motion: IntArray
+    time: FloatArray
 
-    def __init__(self, roster: AgentTable, seeds: Sequence[int]) -> None:
+    def __init__(self, roster: AgentTable, seeds: Sequence[int], movements: Sequence[Movement]) -> None:
         self.seeds = list(seeds)
         games = len(seeds)
         shape = (games, len(roster.names))
         self.flyers = np.flatnonzero(roster.flies)
+        walks = any(one.depends_on_speeds and not one.by_metres for one in movements)
+        travels = any(one.by_metres for one in movements)
         shapes = {
             "agent": shape,
             "flyer": (games, len(self.flyers)),
+            "walker": shape if walks else (games, 0),
+            "traveler": shape if travels else (games, 0),
             "team": (games, len(roster.teams)),
             "game": (games,),
         }
@@ -533,6 +558,7 @@ class GameArrays(BatchColumns):
         seeds: the seed of each game.
         start: (games, agents) the rows of the nodes on which games begin; None: they have begun.
         columns: the columns that the games on other maps have, too; None: new ones.
+        others: the movements on the other maps, for new columns.
 
     Attributes:
         roster: the agents of each game.
@@ -570,14 +596,16 @@ class GameArrays(BatchColumns):
         seeds: Sequence[int],
         start: IntArray | None,
         columns: BatchColumns | None = None,
+        others: Sequence[Movement] = (),
     ) -> None:
         if columns is None:
-            super().__init__(roster, seeds)
+            super().__init__(roster, seeds, [movement, *others])
         else:
             vars(self).update(columns.values_of_all_maps())
         self.roster = roster
         self._seeds: IntArray | None = None  # as an array
-        movement.begin(self.node.shape)
+        on_edges = (self.edge, self.share) if movement.by_metres else (self.begun, self.covered)
+        movement.begin(*on_edges, self.motion, self.time)
         self.movement = movement
         if self.flights is not None:
             movement.leaves_nodes = True
@@ -640,11 +668,10 @@ class GameArrays(BatchColumns):
         plays[self.roster.team_of[is_first]] = True
         home = np.where(is_first, start, -1)
         values = {"start": start, "home": home, "is_first": is_first, "plays": plays, "is_going": True}
-        values["nowhere"] = np.nan
+        values |= {"nowhere": np.nan, "on_node": -1}
         for one in COLUMNS:
             getattr(self, one.name)[those] = values[one.begins] if one.begins else 0
         self.put_roads(games, None)
-        self.movement.clear(games)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[games] = 0
         for key, make in self._makers.items():
@@ -718,11 +745,10 @@ class GameArrays(BatchColumns):
         found: Columns = {
             one.name: getattr(self, one.name)
             for one in COLUMNS
-            if (one.is_loaded and (one.axis != "flyer" or self.flights is not None))
+            if (one.is_loaded and (one.axis not in _OF_SOME or getattr(self, one.name).size))
             or (one.axis == "team" and not are_all_first)  # else all teams play in all games
         }
         found.update(dict[Hashable, Any](self.numbers))
-        found.update(dict[Hashable, Any](self.movement.remembered))
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
         return found | {one.name: getattr(self, one.name) for one in COLUMNS if one.name in earlier}
@@ -880,7 +906,6 @@ class GameArrays(BatchColumns):
         columns = [getattr(self, one.name) for one in COLUMNS]
         columns += [
             *more,
-            *self.movement.remembered.values(),
             *self.counts.values(),
             *self.numbers.values(),
             *chain.from_iterable(map(dict.values, by_key)),

@@ -432,7 +432,7 @@ class Cursor:
             notice.go_to(looks)
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
-        turns.travel.now = self._state.movement.now[number].item()
+        turns.travel.now = self._state.time[number].item()
         decisions: Decisions = turns.decide(self._shown.ordered.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
         self._marks[number] = _StreamPositions(

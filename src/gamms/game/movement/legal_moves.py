@@ -85,14 +85,16 @@ class Movement:
         roads: the same; None: the roads in `streets` are open in all games.
         tables: the legal nodes of games along one edge on several maps; None: they are on one.
         noted: the legal nodes and positions in games that are played in contexts of their own; None: in none.
-        edge: (games, agents) by metres, the rows of the edges that agents are on; else the rows of the nodes at the
-            ends of partly covered edges; -1: none. Empty if nothing depends on speeds, as the following columns.
-        share: (games, agents) the share of the edge behind each agent.
-        motion: (games, agents) by metres, the motion on the edge, see `ir.progress.Motion`.
-        now: (games,) by metres, the time in the turn, from 0 to 1, at which the asked agents decide.
+        edge: (games, agents) the column `edge` or `begun` of the games; see `BatchColumns`.
+        share: (games, agents) the column `share` or `covered`.
+        motion, time: the columns of these names.
     """
 
     all_roads: OpenRoads
+    edge: IntArray
+    share: FloatArray
+    motion: IntArray
+    time: FloatArray
     roads: OpenRoads | None = None
     tables: RoadTables | None = None
     noted: NotedMoves | None = None
@@ -122,9 +124,6 @@ class Movement:
         self.is_paced = ~np.isnan(self.paces)
         self._terms = terms
         self._tables: dict[str | None, RouteTable] = {}
-        self._put_on_nodes((0, 0))
-        if self.depends_on_speeds:
-            self.begin((0, len(self.paces)))
 
     # -- the map --------------------------------------------------------------------------------------------------
 
@@ -218,26 +217,13 @@ class Movement:
 
     # -- parts of edges -------------------------------------------------------------------------------------------
 
-    def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for these numbers of games and agents, with all agents on nodes."""
-        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, shape[0])
-        self._put_on_nodes(shape if self.depends_on_speeds else (0, 0))
-
-    def _put_on_nodes(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for the covered parts of edges."""
-        self.edge = np.full(shape, -1)
-        self.share = np.zeros(shape)
-        self.motion = np.zeros(shape if self.by_metres else (0, 0), np.int64)
-        self.now = np.zeros(shape[0] if self.by_metres else 0)
-
-    @property
-    def remembered(self) -> dict[str, np.ndarray[Any, Any]]:
-        """The arrays (games, agents) with the covered parts of edges, by name."""
-        if not self.depends_on_speeds:
-            return {}
-        if self.by_metres:
-            return {"edge": self.edge, "share": self.share, "motion": self.motion}
-        return {"begun": self.edge, "covered": self.share}
+    def begin(self, edge: IntArray, share: FloatArray, motion: IntArray, time: FloatArray) -> None:
+        """Begin games with the roads of the map open, given the columns that say where agents are on edges."""
+        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time))
+        self.edge = edge
+        self.share = share
+        self.motion = motion
+        self.time = time
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Reset the covered parts of edges."""
@@ -289,7 +275,7 @@ class Movement:
     def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the rows of the edges that agents are on, in games by metres; -1: on a node, or a closed edge."""
         shape = np.broadcast_shapes(which[0].shape, which[1].shape)
-        if not (self.by_metres and len(self.edge)):
+        if not (self.by_metres):
             return np.full(shape, -1)
         edge: IntArray = self.edge[which]
         is_open = self.all_roads.are_open_rows(edge.ravel(), np.broadcast_to(which[0], shape).ravel())
@@ -531,8 +517,7 @@ class Movement:
         which = games, agents
         edge = self.on_edge(which) if self.by_metres else self.edge[which]
         motion = self.motion[which] if self.by_metres else np.zeros(len(node), np.int64)
-        now = self.now[games] if self.by_metres else np.zeros(len(node))
-        return self._find_at(node, edge, self.share[which], motion, self.paces[agents], now)
+        return self._find_at(node, edge, self.share[which], motion, self.paces[agents], self.time[games])
 
     def _find_at(
         self, node: IntArray, edge: IntArray, share: FloatArray, motion: IntArray, speed: FloatArray, now: FloatArray
