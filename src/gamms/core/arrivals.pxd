@@ -42,8 +42,8 @@ cdef class Arrivals:
     cdef double[::1] now
     cdef u8[::1] comes, late
     cdef i64[::1] asked, loses, legs, passed, nodes, here, counts
-    cdef TurnPaths kept, chosen
-    cdef bint keeps, has_chosen
+    cdef TurnPaths last, chosen
+    cdef bint keeps_last, has_chosen
 
     @cython.locals(first=i64)
     cdef int come(self, i64 game, i64 agent, i64 why) except -1 nogil
@@ -52,28 +52,29 @@ cdef class Arrivals:
 
 
 cpdef int play(GameColumns games, Arrivals a, i64 game) except -1 nogil
-@cython.locals(has_begun=bint, i=i64)
+@cython.locals(is_over=bint, row=i64)
 cdef int play_phase(GameColumns games, Arrivals a, MetreMovers t, i64 phase, i64 game) except -1 nogil
-@cython.locals(now=double, i=i64, row=i64, leg=i64, source=double, target=double, share=double)
+@cython.locals(now=double, i=i64, row=i64, own=i64, leg=i64, source=double, target=double, share=double)
 cdef int show(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cdef int put_back(GameColumns games, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cdef int set_out(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(row=i64, edge=i64)
+@cython.locals(row=i64, own=i64, edge=i64)
 cdef int begin(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(number=i64, i=i64, row=i64)
 cdef int choose(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
+@cython.locals(own=i64)
 cdef int decide(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(leg=i64)
-cdef Py_ssize_t place_after(MetreMovers t, i64 row, i64 i, i64 legs) except -2 nogil
+cdef Py_ssize_t place_after(MetreMovers t, i64 row, i64 own, i64 legs) except -2 nogil
 @cython.locals(has_losers=bint, loses=bint, number=i64, i=i64, row=i64)
 cdef int give_way(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(until=double)
+@cython.locals(own=i64, until=double)
 cdef int depart(Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
-@cython.locals(number=i64, i=i64, row=i64)
+@cython.locals(number=i64, i=i64, row=i64, own=i64)
 cdef int go_on(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(now=double, i=i64, row=i64)
+@cython.locals(now=double, i=i64, row=i64, own=i64)
 cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
-cdef int come_back(Arrivals a, MetreMovers t, i64 row, i64 i) except -1 nogil
-cdef int hold(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
+cdef int come_back(Arrivals a, MetreMovers t, i64 row, i64 own) except -1 nogil
+cdef int hold(GameColumns games, MetreMovers t, i64 row, i64 own) except -1 nogil

@@ -119,7 +119,8 @@ class Arrivals:
         loses: (rows,) 1: the agent has lost a conflict and may not go on.
         legs, passed, nodes: (rows,) the number of legs, the number of nodes and the node of each agent at its last
             arrival; see `travel.TurnPaths`.
-        kept: the paths of all games between phases, if several games come to the end of a phase (`keeps`).
+        last: receives the finished paths of all games, if functions are called on arrival (`keeps_last`): until the
+            part of the turn is over, they see the last turn.
         chosen: the paths from here that functions have found in this game, if it is the only one (`has_chosen`).
     """
 
@@ -151,15 +152,14 @@ class Arrivals:
         self.nodes = columns[4 * rows : 5 * rows]
         self.here = columns[5 * rows : 6 * rows]
         self.counts = columns[6 * rows :]
-        self.kept: TurnPaths | None = None
-        self.keeps = False
+        self.keep_last(None)
         self.chosen = chosen
         self.has_chosen = chosen is not None
 
-    def keep_paths(self, kept: TurnPaths) -> None:
-        """Keep the paths of all games between phases in other trips."""
-        self.kept = kept
-        self.keeps = True
+    def keep_last(self, last: TurnPaths | None) -> None:
+        """Keep the paths of the last turns in other trips until those of this turn are finished."""
+        self.last = last
+        self.keeps_last = last is not None
 
     def come(self, game: int, agent: int, why: int) -> int:
         """Let an agent decide or go on; `why` is as in `comes`."""
@@ -191,16 +191,13 @@ def play(games: GameColumns, a: Arrivals, game: int) -> int:
 
 
 def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game: int) -> int:
-    """Play a phase of the moves of a turn: `ARRIVE`, `CHOOSE` or `GO_ON`; paths are kept between phases.
+    """Play a phase of the moves of a turn: `ARRIVE`, `CHOOSE` or `GO_ON`.
 
     The phases repeat until `now` is infinite. When `ARRIVE` ends, agents are shown where they are at that time.
     """
     if a.now[game] == travel.INFINITE:
         return 0
-    has_begun = a.now[game] >= 0.0
-    for i in range(games.agents if has_begun and a.keeps else 0):
-        travel.copy_trip(a.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
-    if not has_begun:
+    if a.now[game] < 0.0:
         set_out(games, a, t, game)
     elif phase == CHOOSE:
         choose(games, a, t, game)
@@ -208,12 +205,11 @@ def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game
         go_on(games, a, t, game)
     else:
         arrive(games, a, t, game)
-        if a.keeps:
+        if a.keeps_last:
             show(games, a, t, game)
-    if a.now[game] == travel.INFINITE:
-        return t.keep_all(game)
-    for i in range(games.agents if a.keeps else 0):
-        travel.copy_trip(t.trips, i, a.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
+    is_over = a.now[game] == travel.INFINITE
+    for row in range(t.first, t.first + games.agents if is_over and a.keeps_last else t.first):
+        travel.copy_trip(t.trips, row, a.last, row)  # type: ignore[arg-type] # there are some
     return 0
 
 
@@ -222,13 +218,14 @@ def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     now = a.now[game]
     for i in range(games.agents):
         row = game * games.agents + i
-        leg = i * t.trips.most + t.trips.legs[i] - 1
-        if now == travel.INFINITE or t.trips.legs[i] == 0 or t.part_of[i] != t.part[game]:
+        own = t.first + i
+        leg = own * t.trips.most + t.trips.legs[own] - 1
+        if now == travel.INFINITE or t.trips.legs[own] == 0 or t.part_of[i] != t.part[game]:
             continue
         source = t.trips.begins[leg]
         target = t.trips.ends[leg]
         share = travel.share_at(source, target, t.trips.since[leg], t.trips.until[leg], now)
-        games.node[row] = t.trips.node[i]
+        games.node[row] = t.trips.node[own]
         games.edge[row] = -1
         games.share[row] = 0.0
         if 0.0 < share < 1.0:
@@ -243,7 +240,7 @@ def put_back(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Put the agents of this part of the turn back to where they set out; `move` writes where they arrive."""
     for i in range(games.agents):
         row = game * games.agents + i
-        t.ends[row] = t.trips.node[i]
+        t.ends[row] = t.trips.node[t.first + i]
         if t.part_of[i] == t.part[game]:
             games.node[row] = games.start[row]
     return 0
@@ -261,6 +258,8 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         a.late[row] = 0
         a.comes[row] = 0
         if by_metres.is_there(games, t, game, i):
+            if a.keeps_last:
+                travel.copy_trip(a.last, row, t.trips, row)  # type: ignore[arg-type] # there are some
             t.end_places[row] = t.start_places[row]
         else:
             begin(games, a, t, game, i)
@@ -273,15 +272,16 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
 def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
     """Start the turn of an agent: it continues on its way, decides next, or waits for its part of the turn."""
     row = game * games.agents + i
-    edge = t.trips.edge[i]
+    own = t.first + i
+    edge = t.trips.edge[own]
     if games.alive[row] and t.part_of[i] == t.part[game]:
         a.come(game, i, DECIDES)
-        if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
+        if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[own]):
             a.comes[row] = GOES_ON
-            travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
+            travel.go(t.roads, t.trips, own, t.trips.motion[own], 0)
     if a.comes[row] != DECIDES:
-        by_metres.rest(t, i)
-    t.end_places[row] = place_after(t, row, i, 0)
+        by_metres.rest(t, own)
+    t.end_places[row] = place_after(t, row, own, 0)
     return 0
 
 
@@ -293,29 +293,37 @@ def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         if a.comes[row] == DECIDES:
             if a.now[game] < 1.0:
                 decide(games, a, t, game, i)
-                by_metres.rest(t, i)
-            t.end_places[row] = place_after(t, row, i, a.legs[row])
+                by_metres.rest(t, t.first + i)
+            t.end_places[row] = place_after(t, row, t.first + i, a.legs[row])
     return 0
 
 
 def decide(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
     """Let an agent decide and set out, or take the path that a function has chosen for it."""
+    own = t.first + i
     if not a.has_chosen:
-        t.trips.now[i] = a.now[game]
-        t.trips.speed[i] = t.speeds[i]
-        t.trips.left[i] = 1
-        t.trips.pace[i] = -1.0
+        t.trips.now[own] = a.now[game]
+        t.trips.speed[own] = t.speeds[i]
+        t.trips.left[own] = 1
+        t.trips.pace[own] = -1.0
         return by_metres.choose(games, t, game, i)
-    if a.chosen.legs[i] > 0:  # type: ignore[union-attr] # there are some
-        travel.add_trip(a.chosen, i, t.trips, i, 1)  # type: ignore[arg-type]
+    if a.chosen.legs[own] > 0:  # type: ignore[union-attr] # there are some
+        travel.add_trip(a.chosen, own, t.trips, own, 1)  # type: ignore[arg-type]
     return 0
 
 
-def place_after(t: MetreMovers, row: int, i: int, legs: int) -> int:
-    """Return the place, as in `conflicts`, where an agent is after setting out; it had `legs` legs before."""
-    leg = i * t.trips.most + t.trips.legs[i] - 1
-    if t.trips.legs[i] == legs:
-        return t.trips.node[i]
+def place_after(t: MetreMovers, row: int, own: int, legs: int) -> int:
+    """Return the place, as in `conflicts`, where an agent is after setting out.
+
+    Args:
+        t: the agents.
+        row: the row of the agent,
+        own: and the row of its path.
+        legs: the number of legs that it had before.
+    """
+    leg = own * t.trips.most + t.trips.legs[own] - 1
+    if t.trips.legs[own] == legs:
+        return t.trips.node[own]
     return t.start_places[row] if t.trips.begins[leg] == t.trips.ends[leg] else t.nodes + t.trips.edges[leg]
 
 
@@ -343,8 +351,9 @@ def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
 
 def depart(a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
     """Add an agent to the queue with the time at which its last leg reaches a node."""
-    until = t.trips.until[i * t.trips.most + t.trips.legs[i] - 1]
-    if t.trips.edge[i] < 0 and (until < 1.0 or a.has_end):
+    own = t.first + i
+    until = t.trips.until[own * t.trips.most + t.trips.legs[own] - 1]
+    if t.trips.edge[own] < 0 and (until < 1.0 or a.has_end):
         a.queue.push(game, i, until)
     return 0
 
@@ -355,21 +364,22 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     for number in range(a.counts[game]):
         i = a.here[game * games.agents + number]
         row = game * games.agents + i
+        own = t.first + i
         if a.asked[row] == 0:
             if a.loses[row]:
                 t.stay(games, game, i)
-            if t.trips.legs[i] > 0:
+            if t.trips.legs[own] > 0:
                 depart(a, t, game, i)
         elif a.loses[row]:
-            come_back(a, t, row, i)
-            hold(games, t, row, i)
+            come_back(a, t, row, own)
+            hold(games, t, row, own)
         elif a.asked[row] >= a.most:
-            come_back(a, t, row, i)
-            t.events.put(game, games.turn[game], rules.NOBODY, rules.WAITS, i, -1, t.trips.node[i])
+            come_back(a, t, row, own)
+            t.events.put(game, games.turn[game], rules.NOBODY, rules.WAITS, i, -1, t.trips.node[own])
         else:
             if a.late[row]:
-                t.events.put(game, games.turn[game], rules.NOBODY, rules.LATE_DEED, i, -1, t.trips.node[i])
-            if t.trips.legs[i] > a.legs[row]:
+                t.events.put(game, games.turn[game], rules.NOBODY, rules.LATE_DEED, i, -1, t.trips.node[own])
+            if t.trips.legs[own] > a.legs[row]:
                 depart(a, t, game, i)
         a.late[row] = 0
     return 0
@@ -385,27 +395,28 @@ def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     while a.queue.first_time(game) == now:
         i = a.queue.pop(game)
         row = game * games.agents + i
+        own = t.first + i
         a.come(game, i, DECIDES)
         a.asked[row] += 1
-        a.legs[row] = t.trips.legs[i]
-        a.passed[row] = t.trips.passed[i]
-        a.nodes[row] = t.trips.node[i]
-        games.node[row] = t.trips.node[i]
+        a.legs[row] = t.trips.legs[own]
+        a.passed[row] = t.trips.passed[own]
+        a.nodes[row] = t.trips.node[own]
+        games.node[row] = t.trips.node[own]
     return 0
 
 
-def come_back(a: Arrivals, t: MetreMovers, row: int, i: int) -> int:
+def come_back(a: Arrivals, t: MetreMovers, row: int, own: int) -> int:
     """Return an agent to the node of its last arrival."""
-    t.trips.legs[i] = a.legs[row]
-    t.trips.passed[i] = a.passed[row]
-    t.trips.node[i] = a.nodes[row]
-    t.trips.edge[i] = -1
-    t.trips.share[i] = 0.0
+    t.trips.legs[own] = a.legs[row]
+    t.trips.passed[own] = a.passed[row]
+    t.trips.node[own] = a.nodes[row]
+    t.trips.edge[own] = -1
+    t.trips.share[own] = 0.0
     return 0
 
 
-def hold(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
+def hold(games: GameColumns, t: MetreMovers, row: int, own: int) -> int:
     """Stop an agent just before the node where it arrives."""
-    travel.stop_short(t.roads, t.trips, i)
-    games.node[row] = t.trips.node[i]
+    travel.stop_short(t.roads, t.trips, own)
+    games.node[row] = t.trips.node[own]
     return 0

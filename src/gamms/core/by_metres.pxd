@@ -2,69 +2,65 @@ cimport cython
 
 from gamms.core cimport contacts, draws, moves, rules, strategies, travel
 from gamms.core.contacts cimport Legs
-from gamms.core.moves cimport OneEdgeMovers
-from gamms.core.rules cimport Events, GameColumns, AgentPaths
+from gamms.core.moves cimport TripMovers, TripPaths
+from gamms.core.rules cimport Events, GameColumns
 from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, GoalPaths
 
 ctypedef unsigned char u8
 ctypedef long long i64
 
 
-cdef class MetreMovers(OneEdgeMovers):
+cdef class MetreMovers(TripMovers):
     cdef GoalPaths ways, near
     cdef RoadEdges roads
     cdef ReachSearch reach
     cdef LegalCache known
-    cdef TurnPaths trips
     cdef Events events
     cdef i64 slots, nodes
     cdef const double[::1] speeds
     cdef i64[::1] motion, start_places, end_places, drawn
     cdef i64 most_edges
-    cdef TurnPaths kept
 
-    cdef int take_map(self, i64 first) except -1 nogil
+    cdef int take_game(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, row=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(was_on_edge=bint)
     cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
     cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
     cdef i64 goal(self, i64 row) except -1 nogil
-    @cython.locals(row=i64)
+    @cython.locals(row=i64, own=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(part=i64, i=i64)
     cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
-    cdef int keep(self, i64 game, i64 i) except -1 nogil
-    cdef int recall(self, i64 game, i64 i) except -1 nogil
 
 
 @cython.locals(row=i64, edge=i64)
 cdef bint is_there(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
+@cython.locals(own=i64)
 cdef int set_out(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 @cython.locals(edge=i64)
 cdef Py_ssize_t edge_of(GameColumns games, MetreMovers t, i64 row) except -2 nogil
-@cython.locals(row=i64)
+@cython.locals(row=i64, own=i64)
 cdef int go(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
-cdef int rest(MetreMovers t, i64 i) except -1 nogil
-@cython.locals(row=i64, target=i64, can_go=bint, slot=i64, where=i64)
+cdef int rest(MetreMovers t, i64 own) except -1 nogil
+@cython.locals(row=i64, own=i64, target=i64, can_go=bint, slot=i64, where=i64)
 cdef int choose(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(count=i64)
-cdef int go_along(MetreMovers t, i64 row, i64 i) except -1 nogil
+cdef int go_along(MetreMovers t, i64 row, i64 own) except -1 nogil
+@cython.locals(edge=i64, share=double)
 cdef int begin(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
-cdef Py_ssize_t place_of(MetreMovers t, i64 i) except -2 nogil
-@cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, now=double, count=i64, number=i64, legal=i64)
+cdef Py_ssize_t place_of(MetreMovers t, i64 own) except -2 nogil
+@cython.locals(row=i64, own=i64, by=u8, edge=i64, node=i64, share=double, now=double, count=i64, number=i64, legal=i64)
 cdef Py_ssize_t target_of(GameColumns games, MetreMovers t, i64 game, i64 i) except -2 nogil
 cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 bound) except? -2 nogil
 @cython.locals(row=i64, edge=i64, node=i64)
 cdef Py_ssize_t by_steps(MetreMovers t, i64 game, i64 i) except -2 nogil
 
 
-cdef class MetrePaths(AgentPaths):
-    cdef MetreMovers movers
-    cdef TurnPaths trips
+cdef class MetrePaths(TripPaths):
     cdef RoadEdges roads
     cdef const i64[::1] edge_ids
     cdef Legs legs
 
-    @cython.locals(agent=i64, row=i64, first=i64, leg=i64)
+    @cython.locals(agent=i64, first=i64, leg=i64)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil

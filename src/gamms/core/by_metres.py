@@ -7,12 +7,12 @@ from typing import Any
 
 from gamms.core import contacts, draws, moves, rules, strategies, travel
 from gamms.core.contacts import Legs
-from gamms.core.moves import OneEdgeMovers
-from gamms.core.rules import AgentPaths, Events, GameColumns
+from gamms.core.moves import TripMovers, TripPaths
+from gamms.core.rules import Events, GameColumns
 from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
 
 
-class MetreMovers(OneEdgeMovers):
+class MetreMovers(TripMovers):
     """The agents of games by metres; rows are as in `rules.GameColumns`.
 
     Attributes:
@@ -20,7 +20,6 @@ class MetreMovers(OneEdgeMovers):
         ways: shortest paths of agents with strategy steps, by row.
         near: shortest paths of all other agents, which are short; by a hash of start and goal.
         slots: the number of hash values, a power of 2.
-        trips: (agents,) the paths of one game through the turn.
         events: receives illegal actions.
         nodes: the number of nodes.
         speeds: (agents,) metres in the time unit of speeds; NaN: no speed.
@@ -28,7 +27,6 @@ class MetreMovers(OneEdgeMovers):
         start_places, end_places: (rows,) the places of moves, as in `conflicts`: nodes, then edges.
         most_edges: the number of edges that an agent may enter before it decides again.
         drawn: (rows,) the number of draws of each agent in the turn.
-        kept: (rows,) the paths of all games, if rules run after all games have moved (`keeps`).
     """
 
     def __init__(
@@ -36,8 +34,8 @@ class MetreMovers(OneEdgeMovers):
         ways: GoalPaths,
         near: GoalPaths,
         known: LegalCache,
-        trips: TurnPaths,
         events: Events,
+        trips: TurnPaths,
         *movers: Any,
         slots: int,
         nodes: int,
@@ -47,15 +45,14 @@ class MetreMovers(OneEdgeMovers):
         end_places: memoryview[int],
         drawn: memoryview[int],
         most_edges: int,
-        kept: TurnPaths | None = None,
+        has_all: bool,
         **columns: Any,
     ) -> None:
-        super().__init__(*movers, **columns)
+        super().__init__(trips, *movers, has_all=has_all, **columns)
         self.ways = ways
         self.roads: RoadEdges = self.ways.roads
         self.reach: ReachSearch = self.ways.reach
         self.known = known
-        self.trips = trips
         self.events = events
         self.near = near
         self.slots = slots
@@ -66,21 +63,11 @@ class MetreMovers(OneEdgeMovers):
         self.end_places = end_places
         self.most_edges = most_edges
         self.drawn = drawn
-        self.kept = kept
-        self.keeps = kept is not None
 
-    def keep_paths(self, kept: TurnPaths) -> None:
-        """Keep the paths of all games between phases in other trips."""
-        self.kept = kept
-        self.keeps = True
-
-    def take_paths(self, trips: TurnPaths) -> None:
-        """Write the paths of the agents to other memory."""
-        self.trips = trips
-
-    def take_map(self, first: int) -> int:
-        """Use the map whose first node has this place."""
-        self.roads.first = first
+    def take_game(self, games: GameColumns, game: int) -> int:
+        """Use the map and the paths of a game."""
+        self.first = game * games.agents if self.has_all else 0
+        self.roads.first = games.first_node[game]
         return 0
 
     def decide(self, games: GameColumns, game: int) -> int:
@@ -93,21 +80,21 @@ class MetreMovers(OneEdgeMovers):
                 continue
             if games.alive[row] and self.part_of[i] == self.part[game]:
                 choose(games, self, game, i)
-            rest(self, i)
-            self.end_places[row] = place_of(self, i)
-            self.ends[row] = self.trips.node[i]
+            rest(self, self.first + i)
+            self.end_places[row] = place_of(self, self.first + i)
+            self.ends[row] = self.trips.node[self.first + i]
         return 0
 
     def is_put(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
-        was_on_edge = travel.begins_on_edge(self.trips, i) and self.part_of[i] >= self.part[game]
+        was_on_edge = travel.begins_on_edge(self.trips, self.first + i) and self.part_of[i] >= self.part[game]
         if was_on_edge and games.edge[game * games.agents + i] < 0:
             return True
         return moves.is_put(games, self, game, i)
 
     def goes(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
-        return travel.is_moving(self.trips, i)
+        return travel.is_moving(self.trips, self.first + i)
 
     def goal(self, row: int) -> int:
         """Return the place where the move of an agent ends, as in `conflicts`."""
@@ -116,15 +103,16 @@ class MetreMovers(OneEdgeMovers):
     def stay(self, games: GameColumns, game: int, i: int) -> int:
         """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
-        if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, i):
+        own = self.first + i
+        if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, own):
             begin(games, self, row, i)
-            travel.stand(self.roads, self.trips, i)
-            self.trips.motion[i] = travel.STOPPED
+            travel.stand(self.roads, self.trips, own)
+            self.trips.motion[own] = travel.STOPPED
         else:
-            travel.stay(self.trips, i)
-        self.start_places[row] = place_of(self, i)
+            travel.stay(self.trips, own)
+        self.start_places[row] = place_of(self, own)
         self.end_places[row] = self.start_places[row]
-        self.ends[row] = self.trips.node[i]
+        self.ends[row] = self.trips.node[own]
         return 0
 
     def go_all(self, games: GameColumns, game: int) -> int:
@@ -135,14 +123,6 @@ class MetreMovers(OneEdgeMovers):
                 go(games, self, game, i)
         return 0
 
-    def keep(self, game: int, i: int) -> int:
-        """Store the path of an agent until the next phase."""
-        return travel.copy_trip(self.trips, i, self.kept, game * len(self.part_of) + i)  # type: ignore[arg-type]
-
-    def recall(self, game: int, i: int) -> int:
-        """Read the stored path of an agent."""
-        return travel.copy_trip(self.kept, game * len(self.part_of) + i, self.trips, i)  # type: ignore[arg-type]
-
 
 def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
     """Return whether an agent has moved in an earlier part of the turn; otherwise place it at its start."""
@@ -150,8 +130,6 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
     if t.part_of[i] >= t.part[game]:
         set_out(games, t, row, i)
         return False
-    if t.keeps:
-        t.recall(game, i)
     edge = edge_of(games, t, row)
     t.start_places[row] = games.node[row] if edge < 0 else t.nodes + edge
     return True
@@ -162,11 +140,12 @@ def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     if t.part[row // games.agents] == 0:
         moves.set_out(games, t, row)
     t.drawn[row] = 0
+    own = t.first + i
     begin(games, t, row, i)
-    if t.trips.edge[i] >= 0 and edge_of(games, t, row) < 0:
-        t.trips.edge[i] = -1
-        t.trips.share[i] = 0.0
-    t.start_places[row] = place_of(t, i)
+    if t.trips.edge[own] >= 0 and edge_of(games, t, row) < 0:
+        t.trips.edge[own] = -1
+        t.trips.share[own] = 0.0
+    t.start_places[row] = place_of(t, own)
     return 0
 
 
@@ -179,81 +158,86 @@ def edge_of(games: GameColumns, t: MetreMovers, row: int) -> int:
 def go(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Write the end of an agent's path to the columns of the games, and fit the path into its part of the turn."""
     row = game * games.agents + i
-    t.ends[row] = t.trips.node[i]
+    own = t.first + i
+    t.ends[row] = t.trips.node[own]
     moves.go(games, t, row)
-    games.edge[row] = t.trips.edge[i]
-    games.share[row] = t.trips.share[i]
-    t.motion[row] = t.trips.motion[i]
+    games.edge[row] = t.trips.edge[own]
+    games.share[row] = t.trips.share[own]
+    t.motion[row] = t.trips.motion[own]
     if t.went[row] != games.node[row]:  # a rule has put it there
-        t.trips.times[i * (t.trips.most + 1)] = 1.0
-    if t.parts > 1 and t.trips.legs[i] > 0:
-        travel.go_in_part(t.trips, i, t.part[game], t.parts)
+        t.trips.times[own * (t.trips.most + 1)] = 1.0
+    if t.parts > 1 and t.trips.legs[own] > 0:
+        travel.go_in_part(t.trips, own, t.part[game], t.parts)
     return 0
 
 
-def rest(t: MetreMovers, i: int) -> int:
-    """Stop an agent that is on an edge and has not moved."""
-    if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
-        travel.stand(t.roads, t.trips, i)
-        t.trips.motion[i] = travel.STOPPED
+def rest(t: MetreMovers, own: int) -> int:
+    """Stop an agent that is on an edge and has not moved; `own` is the row of its path."""
+    if t.trips.edge[own] >= 0 and t.trips.legs[own] == 0:
+        travel.stand(t.roads, t.trips, own)
+        t.trips.motion[own] = travel.STOPPED
     return 0
 
 
 def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Decide for an agent, and move it along a path to its target; an impossible move counts as illegal."""
     row = game * games.agents + i
+    own = t.first + i
     t.blocked[row] = 0
     target = -1
     can_go = True
     if t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
-        go_along(t, row, i)
+        go_along(t, row, own)
     else:
         target = target_of(games, t, game, i)
     if target >= 0 and t.decides_by[i] == moves.STEPS:
-        can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
+        can_go = travel.go_towards(t.roads, t.trips, t.ways, row, own, target)
     elif target >= 0:
-        slot = (t.trips.node[i] * 31 + target) & (t.slots - 1)
-        can_go = travel.go_towards(t.roads, t.trips, t.near, slot, i, target)
+        slot = (t.trips.node[own] * 31 + target) & (t.slots - 1)
+        can_go = travel.go_towards(t.roads, t.trips, t.near, slot, own, target)
     if not can_go:
-        where = t.trips.edge[i] if t.trips.edge[i] >= 0 else -2 - t.trips.node[i]
+        where = t.trips.edge[own] if t.trips.edge[own] >= 0 else -2 - t.trips.node[own]
         t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, where, target)
     return 0
 
 
-def go_along(t: MetreMovers, row: int, i: int) -> int:
-    """Move an agent along the route that a function has given."""
+def go_along(t: MetreMovers, row: int, own: int) -> int:
+    """Move an agent along the route that a function has given; `own` is the row of its path."""
     count = t.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
     if count >= 0:
-        travel.go(t.roads, t.trips, i, t.routes.motions[row], count)  # type: ignore[union-attr]
+        travel.go(t.roads, t.trips, own, t.routes.motions[row], count)  # type: ignore[union-attr]
     return 0
 
 
 def begin(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Place an agent at its position at the start of a turn."""
+    edge = games.edge[row]
+    share = games.share[row]
     return travel.begin(
-        t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], t.most_edges
+        t.trips, t.first + i, games.node[row], edge, share, t.motion[row], 0.0, t.speeds[i], t.most_edges
     )
 
 
-def place_of(t: MetreMovers, i: int) -> int:
-    """Return the place of an agent, as in `conflicts`: its node, or its edge numbered after all nodes."""
-    return t.trips.node[i] if t.trips.edge[i] < 0 else t.nodes + t.trips.edge[i]
+def place_of(t: MetreMovers, own: int) -> int:
+    """Return the place of the agent of a path, as in `conflicts`: its node, or its edge numbered after all nodes."""
+    return t.trips.node[own] if t.trips.edge[own] < 0 else t.nodes + t.trips.edge[own]
 
 
 def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
+    own = t.first + i
     by = t.decides_by[i]
-    edge = t.trips.edge[i]
+    edge = t.trips.edge[own]
     if by == moves.WALKS and edge >= 0:
         return t.roads.targets[edge]
     if by == moves.STAYS:
         return -1
-    node = t.trips.node[i]
-    now = t.trips.now[i]
+    node = t.trips.node[own]
+    now = t.trips.now[own]
     if edge >= 0 or now > 0.0:
-        share = t.trips.share[i]
-        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], now, False)
+        share = t.trips.share[own]
+        count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[own], t.speeds[i], now, False)
         if by == moves.STEPS:
             strategies.take_legal(t.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
             return by_steps(t, game, i)
@@ -278,7 +262,7 @@ def drawn(games: GameColumns, t: MetreMovers, row: int, bound: int) -> int:
 def by_steps(t: MetreMovers, game: int, i: int) -> int:
     """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
     row = game * t.by_steps.games.agents + i  # type: ignore[union-attr] # there are some
-    edge = t.trips.edge[i]
+    edge = t.trips.edge[t.first + i]
     t.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
     t.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
     t.by_steps.drawn = t.drawn[row]  # type: ignore[union-attr]
@@ -287,45 +271,30 @@ def by_steps(t: MetreMovers, game: int, i: int) -> int:
     return node
 
 
-class MetrePaths(AgentPaths):
+class MetrePaths(TripPaths):
     """The paths of the agents of one game by metres in a turn, in the form that `contacts` reads.
 
     Args:
-        movers: the agents; the columns of their trips are those of the tracks and legs.
+        movers, trips: see `TripPaths`; the columns of the trips are those of the tracks and legs.
+        roads: the map.
         edge_ids: (edges,) the ids of the edges.
         legs: receive the edges of the legs; their other columns are those of the trips.
     """
 
     def __init__(
-        self,
-        movers: MetreMovers,
-        nodes: memoryview[int],
-        times: memoryview[float],
-        lengths: memoryview[int],
-        edge_ids: memoryview[int],
-        legs: Legs,
+        self, movers: MetreMovers, trips: TurnPaths, roads: RoadEdges, edge_ids: memoryview[int], legs: Legs
     ) -> None:
-        super().__init__(nodes, times, lengths)
-        self.are_one_edge = False
-        self.movers = movers
-        self.trips: TurnPaths = self.movers.trips
-        self.roads: RoadEdges = self.movers.roads
+        super().__init__(movers, trips)
+        self.roads = roads
         self.edge_ids = edge_ids
         self.legs = legs
 
     def fill(self, games: GameColumns, game: int) -> int:
-        """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
+        """Write the paths of the agents of a game."""
+        moves.copy_paths(games, self, game)
         self.roads.first = games.first_node[game]
         for agent in range(games.agents):
-            row = game * games.agents + agent
             first = agent * self.trips.most
-            if self.movers.keeps:
-                self.movers.recall(game, agent)
-            if games.placed[row]:
-                self.trips.legs[agent] = 0
-                self.trips.passed[agent] = 1
-                self.trips.nodes[agent * (self.trips.most + 1)] = games.node[row]
-                self.trips.times[agent * (self.trips.most + 1)] = 1.0
             for leg in range(first, first + self.trips.legs[agent]):
                 contacts.describe_leg(
                     self.legs, leg, self.roads, self.edge_ids, self.trips.edges[leg], self.trips.backs[leg]

@@ -1,8 +1,9 @@
 cimport cython
 
-from gamms.core cimport draws, routes, strategies
+from gamms.core cimport draws, routes, strategies, travel
 from gamms.core.conflicts cimport Contests, MoveRequests, resolve
 from gamms.core.rules cimport GameColumns, AgentPaths
+from gamms.core.travel cimport TurnPaths
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -43,22 +44,17 @@ cdef class OneEdgeMovers:
     cdef const i64[::1] part_of
     cdef i64[::1] part
     cdef i64 parts
-    cdef bint keeps
 
     cpdef take(self, LegalMoves streets)
     @cython.locals(count=i64, kind=int, i=i64)
     cpdef sort_kinds(self)
-    cdef int take_map(self, i64 first) except -1 nogil
+    cdef int take_game(self, GameColumns games, i64 game) except -1 nogil
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, row=i64, is_put=bint)
     cdef int settle(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, part=i64, is_loser=bint)
     cdef int give_way(self, GameColumns games, i64 game) except -1 nogil
     cdef int move(self, GameColumns games, i64 game) except -1 nogil
-    @cython.locals(i=i64)
-    cdef int keep_all(self, i64 game) except -1 nogil
-    @cython.locals(i=i64)
-    cdef int recall_all(self, i64 game) except -1 nogil
     @cython.locals(at=i64, i=i64, part=i64)
     cdef int go_all(self, GameColumns games, i64 game) except -1 nogil
     cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
@@ -67,8 +63,14 @@ cdef class OneEdgeMovers:
     cdef i64 goal(self, i64 row) except -1 nogil
     @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    cdef int keep(self, i64 game, i64 i) except -1 nogil
-    cdef int recall(self, i64 game, i64 i) except -1 nogil
+
+
+cdef class TripMovers(OneEdgeMovers):
+    cdef TurnPaths trips
+    cdef bint has_all
+    cdef i64 first
+
+    cdef int take_game(self, GameColumns games, i64 game) except -1 nogil
 
 
 @cython.locals(at=i64, first=i64, part=i64, i=i64, row=i64)
@@ -112,3 +114,14 @@ cdef class PartPaths(AgentPaths):
 
     @cython.locals(agent=i64, row=i64, place=i64, part=i64, is_put=bint)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil
+
+
+cdef class TripPaths(AgentPaths):
+    cdef TripMovers movers
+    cdef TurnPaths trips
+
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
+
+
+@cython.locals(agent=i64, row=i64)
+cdef int copy_paths(GameColumns games, TripPaths p, i64 game) except -1 nogil

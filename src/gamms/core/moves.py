@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from array import array
+from typing import Any
 
-from gamms.core import draws, routes, strategies
+from gamms.core import draws, routes, strategies, travel
 from gamms.core.conflicts import Contests, MoveRequests, resolve
 from gamms.core.rules import AgentPaths, GameColumns
+from gamms.core.travel import TurnPaths
 
 STAYS = 0  # kinds of decisions: stay on the node,
 WALKS = 1  # move to a uniform random legal node,
@@ -93,7 +95,6 @@ class OneEdgeMovers:
         blocked: (rows,) 1: a conflict stopped the agent's last move.
         wanted: (rows,) the place where this move would have ended, as in `conflicts`.
         held: (rows,) 1: a function keeps the agent from what it has decided; `settle` puts that into effect.
-        keeps: whether paths of all games are stored between phases.
     """
 
     def __init__(
@@ -143,7 +144,6 @@ class OneEdgeMovers:
         self.part_of = part_of
         self.part = part
         self.parts = parts
-        self.keeps = False
         self.sort_kinds()
 
     def take(self, streets: LegalMoves) -> None:
@@ -162,8 +162,8 @@ class OneEdgeMovers:
 
     # -- phases of a part of a turn; see `turn` -------------------------------------------------------------------
 
-    def take_map(self, first: int) -> int:
-        """Use the map whose first node has this place."""
+    def take_game(self, games: GameColumns, game: int) -> int:
+        """Use the map and the paths of a game."""
         return 0
 
     def decide(self, games: GameColumns, game: int) -> int:
@@ -201,20 +201,7 @@ class OneEdgeMovers:
     def move(self, games: GameColumns, game: int) -> int:
         """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
         self.go_all(games, game)
-        self.keep_all(game)
         return end_part(games, self, game)
-
-    def keep_all(self, game: int) -> int:
-        """Store the paths of a game until its next phase."""
-        for i in range(len(self.part_of) if self.keeps else 0):
-            self.keep(game, i)
-        return 0
-
-    def recall_all(self, game: int) -> int:
-        """Read the stored paths of a game."""
-        for i in range(len(self.part_of) if self.keeps else 0):
-            self.recall(game, i)
-        return 0
 
     def go_all(self, games: GameColumns, game: int) -> int:
         """Move the agents of this part of the turn to the ends of their moves."""
@@ -246,12 +233,29 @@ class OneEdgeMovers:
         self.ends[row] = games.node[row]
         return 0
 
-    def keep(self, game: int, i: int) -> int:
-        """Store the path of an agent until the next phase."""
-        return 0
 
-    def recall(self, game: int, i: int) -> int:
-        """Read the stored path of an agent."""
+class TripMovers(OneEdgeMovers):
+    """The agents of games that may move along several edges in a turn, or parts of edges; subclasses say how.
+
+    Attributes:
+        trips: (agents,) the paths of the game that is played, or (rows,) of all games, if functions ask for them
+            between phases, or rules run after all games have moved (`has_all`).
+        first: the row in `trips` of the first agent of the game.
+    """
+
+    def __init__(self, trips: TurnPaths, *movers: Any, has_all: bool, **columns: Any) -> None:
+        super().__init__(*movers, **columns)
+        self.first = 0
+        self.take_paths(trips, has_all=has_all)
+
+    def take_paths(self, trips: TurnPaths, *, has_all: bool) -> None:
+        """Write the paths of the agents to other memory."""
+        self.trips = trips
+        self.has_all = has_all
+
+    def take_game(self, games: GameColumns, game: int) -> int:
+        """Use the map and the paths of a game."""
+        self.first = game * games.agents if self.has_all else 0
         return 0
 
 
@@ -504,3 +508,36 @@ class PartPaths(AgentPaths):
                 self.times[place] = (part + 1) / self.movers.parts
             self.lengths[agent] = place - 3 * agent + 1
         return 0
+
+
+class TripPaths(AgentPaths):
+    """The paths of the agents of one game along several edges or parts of edges.
+
+    Args:
+        movers: the agents.
+        trips: (agents,) receive the paths, if those of the movers are of all games; otherwise the same paths.
+    """
+
+    def __init__(self, movers: TripMovers, trips: TurnPaths) -> None:
+        super().__init__(trips.nodes, trips.times, trips.passed)
+        self.are_one_edge = False
+        self.movers = movers
+        self.trips = trips
+
+    def fill(self, games: GameColumns, game: int) -> int:
+        """Write the paths of the agents of a game."""
+        return copy_paths(games, self, game)
+
+
+def copy_paths(games: GameColumns, p: TripPaths, game: int) -> int:
+    """Copy the paths of a game from those of all games; agents that a rule has placed elsewhere only get their node."""
+    for agent in range(games.agents):
+        row = game * games.agents + agent
+        if games.placed[row]:
+            p.trips.legs[agent] = 0
+            p.trips.passed[agent] = 1
+            p.trips.nodes[agent * (p.trips.most + 1)] = games.node[row]
+            p.trips.times[agent * (p.trips.most + 1)] = 1.0
+        elif p.movers.has_all:
+            travel.copy_trip(p.movers.trips, row, p.trips, agent)
+    return 0

@@ -213,6 +213,10 @@ class TurnPaths:
         self.times = floats[at + 4 * legs :]
         return 0
 
+    def take_route(self, route: memoryview[int]) -> None:
+        """Use other memory for routes."""
+        self.route = route
+
 
 class GoalPaths:
     """Shortest paths of agents to goal nodes; the next nodes of one path per row are stored.

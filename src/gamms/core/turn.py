@@ -151,17 +151,13 @@ def move(p: Player, game: int) -> int:
 
 
 def play_phase(p: Player, phase: int, game: int) -> int:
-    """Play a phase of a part of a turn of a game, with how agents go kept between; see `PHASES`."""
+    """Play a phase of a part of a turn of a game; see `PHASES`."""
     if phase > MOVE:
         return arrivals.play_phase(p.games, p.arrivals, p.arrivals.travelers, phase, game)  # type: ignore[arg-type, union-attr]
     if phase == DECIDE:
-        decide(p, game)
-    else:
-        p.movers.recall_all(game)
-        p.movers.settle(p.games, game)
-    if phase == MOVE:
-        return move(p, game)
-    return p.movers.keep_all(game)
+        return decide(p, game)
+    p.movers.settle(p.games, game)
+    return move(p, game) if phase == MOVE else 0
 
 
 def play(p: Player, begin: int, end: int) -> int:
@@ -170,7 +166,7 @@ def play(p: Player, begin: int, end: int) -> int:
     for game in range(begin, end):
         if p.until[game] == 0:  # it is on another map
             continue
-        p.movers.take_map(p.games.first_node[game])
+        p.movers.take_game(p.games, game)
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             if p.stop[0]:
                 return 0
@@ -188,7 +184,7 @@ def play_phases(p: Player, phase: int, begin: int, end: int) -> int:
         if p.stop[0]:
             return 0
         if p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
-            p.movers.take_map(p.games.first_node[game])
+            p.movers.take_game(p.games, game)
             play_phase(p, phase, game)
     return 0
 

@@ -853,7 +853,7 @@ class CoreGames:
         block = self._block
         columns = self._columns
         assert columns is not None and columns.arrivals is not None and columns.ends is not None  # noqa: S101, PT018
-        columns.keep_courses()
+        columns.begin_arrivals()
         self._arrivals = columns.arrivals
         self._ends = columns.ends
         self._arrivals.now[games] = arrivals.UNBEGUN
@@ -905,6 +905,8 @@ class CoreGames:
             column[:] = before
         if self._last is not None and not is_played:
             block.start[:], block.went[:], block.takes_part[:] = self._last
+        if self._columns is not None:
+            self._columns.end_arrivals()
         self._arrivals.now.fill(np.inf)
         self._state.time.fill(0.0)
         self._last = None

@@ -128,7 +128,8 @@ class TravelColumns:
         self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
         self.arrivals = ArrivalColumns(self._shape) if decides_at_arrivals else None
         self.courses = Courses(by, self._shape, self._most, part_of) if keeps_courses else None
-        self._kept: TurnPaths | None = None  # how agents go between arrivals
+        self._under_way: TurnPaths | None = None  # the paths of a turn with calls on arrival
+        self._are_arriving = False
         self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
         self._walks: list[by_edges.EdgePaths] = []  # of each thread, by edges
         self._roads: list[travel.RoadEdges] = []  # of each thread, by metres
@@ -144,14 +145,12 @@ class TravelColumns:
             starts, ends = np.zeros((2, *self._shape), np.int64)
             self.ends = starts, ends
             self._drawn = np.zeros(rows, np.int64)
+            self._longest_route = max(self._ways.most, self._most)
             self._longest = max(8, self._most if by.is_endless else 0)
             self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
         else:
             self._hops = StoredPaths(by.columns, np.ones(len(costs)), rows, 8, edges_at)
             self._paths.append(self._hops)
-            self._after: tuple[Any, Any] = np.full(rows, -1).data, np.zeros(rows).data
-            if self.courses is not None:
-                self._after = self.courses.core.edge, self.courses.core.share
 
     def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
         """Set the open roads of each game for moves and paths."""
@@ -175,16 +174,28 @@ class TravelColumns:
         rows = self._shape[0] * self._shape[1]
         _refuse_too_long(self._agents * self._most, rows * self._most * kept)
 
-    def keep_courses(self) -> None:
-        """Keep the paths of agents in all games between arrivals, because functions are called on arrival."""
-        if self._kept is None:
+    def begin_arrivals(self) -> None:
+        """Keep the paths of the last turns until those of this part of a turn, with calls on arrival, are finished."""
+        if self._under_way is None:
             self._refuse_too_long(2)
-            self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
-        courses = self.courses or Courses(self._by, self._shape, self._most, self._part_of)
-        self.courses = courses
+            self._under_way = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
+        self.courses = self.courses or Courses(self._by, self._shape, self._most, self._part_of)
+        self._are_arriving = True
+        self._give_paths()
+
+    def end_arrivals(self) -> None:
+        """Write paths to those of the last turns again."""
+        self._are_arriving = False
+        self._give_paths()
+
+    def _give_paths(self) -> None:
+        """Tell all threads to which memory they write paths."""
+        last = None if self.courses is None else self.courses.trips
+        written = self._under_way if self._are_arriving else last
         for travelers, at_arrivals in zip(self._travelers, self._at_arrivals, strict=True):
-            travelers.keep_paths(courses.core)
-            at_arrivals.keep_paths(self._kept.core)
+            if written is not None:
+                travelers.take_paths(written.bind_thread(self._longest_route), has_all=True)
+            at_arrivals.keep_last(last.core if self._are_arriving and last is not None else None)
 
     def _known(self) -> travel.LegalCache:
         """Return memory for the legal nodes that a thread remembers."""
@@ -209,26 +220,19 @@ class TravelColumns:
         by = self._by
         most = self._most
         reach = ReachableNodes(by.streets.num_nodes)
-        nodes: Any = np.zeros(self._agents * most, np.int64).data
-        times: Any = np.zeros(self._agents * most).data
-        lengths: Any = np.zeros(self._agents, np.int64).data
-        ints: Any = np.zeros(self._agents + most, np.int64).data
-        covered: Any = np.zeros(self._agents).data
-        walks = by_edges.EdgePaths(
-            *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
-            speeds=flat(by.paces, np.float64),
-            ahead=ints[: self._agents],
-            covered=covered,
-            route=ints[self._agents :],
-            kept=None if self.courses is None else self.courses.over_nodes,
-        )
+        local = TurnPaths(self._agents, most - 1, most)
+        trips = local.core if self.courses is None else self.courses.trips.bind_thread(most)
+        walks = by_edges.EdgePaths(trips, by.streets.core, self._hops.plain_ways(reach))
         self._walks.append(walks)
         long_ways: travel.GoalPaths | None = None
         if columns["by_steps"] is not None:
             long_ways = self._ways.plain_ways(reach)
             columns["by_steps"].go_far(long_ways)
-        walkers = by_edges.EdgeMovers(walks, *self._after, long_ways, *movers, **columns)
-        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+        speeds = flat(by.paces, np.float64)
+        has_all = self.courses is not None
+        walkers = by_edges.EdgeMovers(walks, long_ways, *movers, speeds=speeds, has_all=has_all, **columns)
+        tracks = local.core.nodes, local.core.times, local.core.passed
+        return ThreadTravel(walkers, None, moves.TripPaths(walkers, local.core), tracks, NO_LEGS, most, 0)
 
     def _thread_by_metres(
         self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events
@@ -244,14 +248,14 @@ class TravelColumns:
         self._paths.append(near)
         if columns["by_steps"] is not None:
             columns["by_steps"].go_far(ways)
-        trips = TurnPaths(self._agents, most, max(self._ways.most, most))
-        kept = None if self.courses is None else self.courses.core
+        trips = TurnPaths(self._agents, most, self._longest_route)
+        courses = self.courses
         travelers = by_metres.MetreMovers(
             ways,
             near.ways(roads, reach),
             self._known(),
-            trips.core,
             events,
+            trips.core if courses is None else courses.trips.bind_thread(self._longest_route),
             *movers,
             slots=self._slots,
             nodes=by.streets.num_nodes,
@@ -261,7 +265,7 @@ class TravelColumns:
             end_places=self.ends[1].reshape(-1).data,
             drawn=self._drawn.data,
             most_edges=1 if by.terms.decides_at_arrivals else travel.UNLIMITED,
-            kept=kept,
+            has_all=courses is not None,
             **columns,
         )
         legs: list[Any] = [column.data for column in np.zeros((5, self._agents * most), np.int64)]
@@ -270,12 +274,11 @@ class TravelColumns:
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
-        course = by_metres.MetrePaths(*[travelers, *tracks, edge_ids, of_legs])
+        course = by_metres.MetrePaths(travelers, trips.core, roads, edge_ids, of_legs)
         at_arrivals = None
         if self.arrivals is not None:
             at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
             self._travelers.append(travelers)
             self._at_arrivals.append(at_arrivals)
-        if self._kept is not None:
-            self.keep_courses()
+            self._give_paths()
         return ThreadTravel(travelers, at_arrivals, course, tracks, of_legs, most + 1, most)

@@ -125,10 +125,11 @@ class ArrivingAgents:
         unknown: Any = None  # as the legal nodes are
         nothing: list[Any] = [unknown, _NO_BYTES, *[None] * 4]  # functions decide, and find paths and conflicts
         self._movers = by_metres.MetreMovers(
-            *(ways, ways, unknown, self.chosen.core, self._events, *nothing),
+            *(ways, ways, unknown, self._events, self.chosen.core, *nothing),
             slots=0,
             nodes=len(roads.ids),
             most_edges=1,
+            has_all=True,
             parts=1,
             **{name: columns[name] for name in _OF_MOVERS},
         )
@@ -145,7 +146,7 @@ class ArrivingAgents:
         block = self.order.block
         self._starts = self.order.nodes()
         self._paths = GamePaths(len(self._rows))
-        self._movers.take_paths(self._paths.core)
+        self._movers.take_paths(self._paths.core, has_all=True)
         self._moved.clear()
         self._places: list[Any] = [*self._starts]
         self._let_take_part(self.order.moving.present(self._members))
@@ -207,7 +208,7 @@ class ArrivingAgents:
         for i in late:
             self._arrivals.late[0, i] = 1
         if self._paths.reserve(max(map(self._paths.num_legs, self.here), default=0) + _MORE_LEGS):
-            self._movers.take_paths(self._paths.core)
+            self._movers.take_paths(self._paths.core, has_all=True)
         self._play(_CHOOSE)
 
     def places(self) -> tuple[list[Any], list[Any]]:

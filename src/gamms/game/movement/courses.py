@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import moves, rules
+from gamms.core import moves
 from gamms.game.decisions import Decisions
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.travel import STAYS, GamePaths, RoadIds, TurnPaths
@@ -138,7 +138,7 @@ class Courses:
         part_of: (agents,) the part of the turn in which each agent moves.
 
     Attributes:
-        core: the paths that the core has written; by edges, `edge` and `share` are what `EdgeMovers` has left.
+        trips: the paths, in the memory to which the core writes them; by edges, see `core.by_edges.EdgePaths`.
         routes: the chosen routes.
     """
 
@@ -148,17 +148,11 @@ class Courses:
         self._shape = shape
         self._here: tuple[IntArray, FloatArray, IntArray, IntArray] = by.edge, by.share, by.motion, by.edge
         self.note_places(are_open=False)
-        self._trips = TurnPaths(shape[0] * shape[1], most if by.by_metres else most - 1, 0)
-        self._trips.passed[:] = 1
-        self._trips.edge[:] = -1
-        self.core = self._trips.core
+        self.trips = TurnPaths(shape[0] * shape[1], most if by.by_metres else most - 1, 0)
+        self.trips.passed[:] = 1
+        self.trips.edge[:] = -1
         longest = most - _MORE_LEGS - 2 * int(part_of.any()) if by.by_metres else most
         self.routes = Routes(by, shape, most, longest)
-
-    @property
-    def over_nodes(self) -> rules.AgentPaths:
-        """The nodes of the paths, and the times at them, in the form of the core."""
-        return rules.AgentPaths(self.core.nodes, self.core.times, self.core.passed)
 
     @cached_property
     def _ids(self) -> RoadIds:
@@ -167,7 +161,7 @@ class Courses:
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return the stored columns of the last turns."""
-        trips = self._trips
+        trips = self.trips
         legs = int(trips.legs.max(initial=0))
         passed = int(trips.passed.max(initial=1))
         of_legs = [
@@ -178,7 +172,7 @@ class Courses:
 
     def stand(self, game: int, agent: int, node: int) -> None:
         """Let an agent stay on a node for the whole turn."""
-        trips = self._trips
+        trips = self.trips
         row = game * self._shape[1] + agent
         trips.node[row] = node
         trips.edge[row] = -1
@@ -219,7 +213,7 @@ class Courses:
             others: the numbers of the others; -1: no agent.
             nodes: the rows of the nodes that the others have passed last.
         """
-        trips = self._trips
+        trips = self.trips
         rows = game * self._shape[1] + agents
         if not self._by.by_metres:
             return self._game_paths_by_edges(agents >= 0, rows)
@@ -232,7 +226,7 @@ class Courses:
         return found
 
     def _game_paths_by_edges(self, is_acting: BoolArray, rows: IntArray) -> GamePaths:
-        trips = self._trips
+        trips = self.trips
         lengths = trips.passed[rows]
         ahead = trips.edge[rows]
         has_gone_far = lengths > 1
@@ -261,7 +255,7 @@ class Courses:
             standing: (games, agents) a mask of the agents that stand in this part of the turn, before its moves; None:
                 agents have moved.
         """
-        trips = self._trips
+        trips = self.trips
         rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
         if not self._by.by_metres:
             lengths = np.where(took_part, trips.passed[rows], 1)

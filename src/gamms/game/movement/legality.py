@@ -13,7 +13,7 @@ from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel
+from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, paths_of_one
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.graph import IntArray
@@ -45,21 +45,9 @@ class MultiEdgeMoves(PathFinder):
 
     def _take_ways(self, hops: GoalPaths) -> None:
         """Use these shortest paths in the core, with new buffers."""
-        nodes: list[Any] = [one.data for one in np.zeros((2, self._most), np.int64)]
-        times: Any = np.zeros(self._most).data
-        ints: list[Any] = [one.data for one in np.zeros((2, 1), np.int64)]
-        floats: list[Any] = [one.data for one in np.zeros((2, 1))]
         self._hops = hops
-        self._nodes, self._route = nodes
-        self._lengths, self._ahead = ints
-        self._speed, self._covered = floats
-        self._walks = core.EdgePaths(
-            *(self._nodes, times, self._lengths, self.streets.core, hops, self._most),
-            speeds=self._speed,
-            ahead=self._ahead,
-            covered=self._covered,
-            route=self._route,
-        )
+        self._trips = paths_of_one(self._most)
+        self._walks = core.EdgePaths(self._trips, self.streets.core, hops)
 
     def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
         """Place an agent at its start."""
@@ -68,8 +56,7 @@ class MultiEdgeMoves(PathFinder):
         if place is not None and place.source == here:
             ahead = self._row_of.get(place.target, -1)
             covered = place.share
-        self._speed[0] = nan if speed is None else min(speed, self._most)
-        core.begin(self._walks, 0, self.row(here), ahead, covered)
+        core.begin(self._walks, 0, self.row(here), ahead, covered, nan if speed is None else min(speed, self._most))
 
     def reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
         """Return the legal nodes of an agent in this turn, its own first."""
@@ -97,16 +84,17 @@ class MultiEdgeMoves(PathFinder):
             self._take_ways(self._hops)
         self._begin(here, speed, place)
         for number, node in enumerate(route):
-            self._route[number] = self.row(node)
+            self._trips.route[number] = self.row(node)
         core.walk(self._walks, 0, len(route))
         return self._ended()
 
     def _ended(self) -> ResolvedAction:
         """Return the path that the core has written."""
         ids = self.ids
-        ahead = self._ahead[0]
-        path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
-        progress = None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
+        trips = self._trips
+        ahead = trips.edge[0]
+        path = tuple([ids[row] for row in memoryview(trips.nodes)[: trips.passed[0]].tolist()])
+        progress = None if ahead < 0 else Progress(path[-1], ids[ahead], trips.share[0])
         return ResolvedAction(path[-1], path, progress=progress)
 
 

@@ -122,7 +122,9 @@ class TurnPaths:
     """
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
-        self.core = core.TurnPaths(rows, most, *_memory_of(rows, most, most if route is None else route))
+        self._shape = rows, most
+        self._memory = _memory_of(rows, most, most if route is None else route)
+        self.core = core.TurnPaths(rows, most, *self._memory)
         columns = {name: np.asarray(getattr(self.core, name)) for name in _COLUMNS}
         self.node = columns["node"]
         self.edge = columns["edge"]
@@ -136,6 +138,18 @@ class TurnPaths:
         self.nodes = columns["nodes"].reshape(rows, most + 1)
         self.times = columns["times"].reshape(rows, most + 1)
         self.route = columns["route"]
+
+    def bind_thread(self, route: int) -> core.TurnPaths:
+        """Return the same paths for one thread, which has its own memory for a route of so many nodes."""
+        found = core.TurnPaths(*self._shape, *self._memory)
+        nodes: Any = np.zeros(route, np.int64).data
+        found.take_route(nodes)
+        return found
+
+
+def paths_of_one(most: int) -> core.TurnPaths:
+    """Return memory for the path of one agent, along `most` edges or over a route of `most` nodes."""
+    return core.TurnPaths(1, most, *_memory_of(1, most, most))
 
 
 def _memory_of(rows: int, most: int, route: int) -> tuple[Any, Any]:
@@ -711,7 +725,7 @@ class Travel(TravelSearch):
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
         self._most = most
-        self._trips = core.TurnPaths(1, most, *_memory_of(1, most, most))
+        self._trips = paths_of_one(most)
         self._route = self._trips.route
         self.take_trips(self._trips)
 
