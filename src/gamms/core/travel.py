@@ -1020,7 +1020,7 @@ class PathsBySlot:
         if roads is None or paths.share[i] == 0.0:
             return None
         if roads.edge_ids is None:  # its path is over nodes
-            return self.make_progress(paths.node[i], paths.edge[i], paths.share[i])
+            return self.make_progress(roads.ids[paths.node[i]], roads.ids[paths.edge[i]], paths.share[i])
         source, target, id = roads.edge_ids[paths.edge[i]]
         return self.make_progress(source, target, paths.share[i], id, self.motions[paths.motion[i]])
 

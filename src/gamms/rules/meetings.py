@@ -34,7 +34,7 @@ from gamms.game.block.in_core import (
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.travel import BY_IDS, GamePaths, ReachableNodes, RoadIds
+from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
 from gamms.game.turn import TurnEngine
 from gamms.graph import Graph
@@ -636,8 +636,7 @@ class TurnContacts(RuleMoves):
             self._taken = names, moves.took_part
         maps = moves.paths.maps
         slots, _ = self._slots_and_agents
-        roads = maps[slots[0]] if len(slots) else None
-        if roads is not None and roads is not BY_IDS and maps.count(roads) == len(slots):
+        if len(slots) and moves.paths.is_on_roads(slots[0]) and maps.count(maps[slots[0]]) == len(slots):
             return self._slot_of
         return {agent: _path_of(moves, i) for i, agent in zip(*self._slots_and_agents, strict=True)}
 

@@ -788,7 +788,7 @@ class CoreGames:
         """Store the positions of agents that are about to move; `are_open`: the edges stored last are still open."""
         self._here = self._state.node.copy()
         if self.courses is not None:
-            self.courses.note_places(are_open=are_open)
+            self.courses.note_places(self._here, are_open=are_open)
 
     def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the same as `last_moves` for agents that are about to move in a part of the turn."""

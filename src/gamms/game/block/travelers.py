@@ -125,7 +125,7 @@ class TravelColumns:
         self._most = most_legs(by) + 2 * are_in_parts if by.by_metres else most_nodes(by) + are_in_parts
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         decides_at_arrivals = by.by_metres and by.terms.decides_at_arrivals
-        self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
+        self._refuse_too_long((1 + decides_at_arrivals + (by.by_metres and are_in_parts)) * keeps_courses)
         self.arrivals = ArrivalColumns(self._shape) if decides_at_arrivals else None
         self.courses = Courses(by, self._shape, self._most, part_of) if keeps_courses else None
         self._under_way: TurnPaths | None = None  # the paths of a turn with calls on arrival

@@ -557,7 +557,7 @@ class ShownGame(GamesInContext):
         paths = None
         if courses is not None:
             standing = np.where((acting < 0) & took_part, numbers, -1)
-            paths = courses.game_paths(self._pointed.number, acting, standing, starts)
+            paths = courses.game_paths(self._pointed.number, acting, standing)
         first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._flights_of(acting, first)

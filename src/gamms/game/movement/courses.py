@@ -2,17 +2,19 @@
 
 from collections.abc import Iterable
 from functools import cached_property
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.core import moves
+from gamms.core import travel as core
 from gamms.game.decisions import Decisions
 from gamms.game.movement.legal_moves import Movement
-from gamms.game.movement.travel import STAYS, GamePaths, RoadIds, TurnPaths
+from gamms.game.movement.travel import STAYS, GamePaths, NodeIds, RoadIds, TurnPaths
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.progress import Motion, Progress
+from gamms.ir.progress import Motion
 
 _MORE_LEGS = 2  # that a way may have besides those to its nodes
 
@@ -138,7 +140,9 @@ class Courses:
         part_of: (agents,) the part of the turn in which each agent moves.
 
     Attributes:
-        trips: the paths, in the memory to which the core writes them; by edges, see `core.by_edges.EdgePaths`.
+        trips: the paths, in the memory to which the core writes them; by edges, see `core.by_edges.EdgePaths`. By
+            metres, if a turn has several parts, the second half of its rows has the agents where they stand before the
+            moves of a part.
         routes: the chosen routes.
     """
 
@@ -146,18 +150,21 @@ class Courses:
         self._by = by
         self._part_of = part_of
         self._shape = shape
-        self._here: tuple[IntArray, FloatArray, IntArray, IntArray] = by.edge, by.share, by.motion, by.edge
-        self.note_places(are_open=False)
-        self.trips = TurnPaths(shape[0] * shape[1], most if by.by_metres else most - 1, 0)
+        rows = shape[0] * shape[1]
+        self._standing = rows if by.by_metres and part_of.any() else 0  # the first row of agents that stand
+        self.trips = TurnPaths(rows + self._standing, most if by.by_metres else most - 1, 0)
         self.trips.passed[:] = 1
         self.trips.edge[:] = -1
+        self.trips.motion[rows:] = Motion.STOPPED
+        self.trips.until[rows:] = 1.0
         longest = most - _MORE_LEGS - 2 * int(part_of.any()) if by.by_metres else most
         self.routes = Routes(by, shape, most, longest)
 
     @cached_property
     def _ids(self) -> RoadIds:
         columns = self._by.columns
-        return RoadIds(columns, columns.node_ids.tolist(), self._by.map, None)
+        ids = columns.node_ids.tolist()
+        return RoadIds(columns, ids, self._by.map, None) if self._by.by_metres else NodeIds(ids)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return the stored columns of the last turns."""
@@ -172,38 +179,38 @@ class Courses:
 
     def stand(self, game: int, agent: int, node: int) -> None:
         """Let an agent stay on a node for the whole turn."""
-        trips = self.trips
-        row = game * self._shape[1] + agent
-        trips.node[row] = node
-        trips.edge[row] = -1
-        trips.share[row] = 0.0
-        trips.motion[row] = Motion.STOPPED
-        trips.legs[row] = 0
-        trips.passed[row] = 1
-        trips.nodes[row, 0] = node
-        trips.times[row, 0] = 0.0
+        core.begin(self.trips.core, game * self._shape[1] + agent, node, -1, 0.0, Motion.STOPPED, 0.0, nan, 0)
 
-    def note_places(self, *, are_open: bool) -> None:
-        """Store the positions on edges, by metres, of agents that are about to move; edges that are closed are nodes.
+    def note_places(self, node: IntArray, *, are_open: bool) -> None:
+        """Store where agents on edges stand before the moves of a part of a turn; edges that are closed are nodes.
 
-        `are_open` says that the edges stored last are open, even if functions have closed them since.
+        Args:
+            node: (games, agents) the rows of their nodes.
+            are_open: whether the edges that were stored last are open, even if functions have closed them since.
         """
-        by = self._by
-        if not by.by_metres:
+        if not self._standing:
             return
+        trips = self.trips
+        own = slice(self._standing, None)
+        now = self._by.edge.ravel()
         if are_open:
-            edge = np.where(by.edge == self._here[0], by.edge, -1)
-            back = self._here[3]
+            edge = np.where(now == trips.edge[own], now, -1)
         else:
             games, agents = self._shape
-            edge = by.on_edge((np.arange(games)[:, None], np.arange(agents)))
-            on = np.nonzero(edge >= 0)
-            back = np.full(self._shape, -1)
-            back[on] = by.backs(edge[on], on[0])
-        self._here = edge, by.share.copy(), by.motion.copy(), back
+            edge = self._by.on_edge((np.arange(games)[:, None], np.arange(agents))).ravel()
+            on = np.flatnonzero(edge >= 0)
+            trips.backs[self._standing + on, 0] = self._by.backs(edge[on], on // agents)
+        trips.node[own] = node.ravel()
+        trips.nodes[own, 0] = trips.node[own]
+        trips.edge[own] = edge
+        trips.edges[own, 0] = edge
+        trips.legs[own] = edge >= 0
+        trips.share[own] = np.where(edge >= 0, self._by.share.ravel(), 0.0)
+        trips.begins[own, 0] = trips.share[own]
+        trips.ends[own, 0] = trips.share[own]
 
-    def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> GamePaths:
-        """Return the paths of agents of a game, and of others that stand on edges at their noted positions.
+    def game_paths(self, game: int, agents: IntArray, others: IntArray) -> GamePaths:
+        """Return the paths of agents of a game, and of others that stand on edges.
 
         By edges, these are the paths of agents that did more than move along one edge at once.
 
@@ -211,36 +218,20 @@ class Courses:
             game: the number of the game.
             agents: the numbers of the agents; -1: no agent.
             others: the numbers of the others; -1: no agent.
-            nodes: the rows of the nodes that the others have passed last.
         """
         trips = self.trips
-        rows = game * self._shape[1] + agents
-        if not self._by.by_metres:
-            return self._game_paths_by_edges(agents >= 0, rows)
-        found = GamePaths(len(agents), int(trips.legs.max(initial=0)) + _MORE_LEGS)
-        for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
-            found.take(place, trips.core, int(rows[place]), int(trips.legs[rows[place]]), self._ids)
-        edge, share, _, back = (column[game, others] for column in self._here)
-        for place in np.flatnonzero((others >= 0) & (edge >= 0)).tolist():
-            found.stand(place, (int(nodes[place]), int(edge[place]), float(share[place])), int(back[place]), self._ids)
-        return found
-
-    def _game_paths_by_edges(self, is_acting: BoolArray, rows: IntArray) -> GamePaths:
-        trips = self.trips
+        rows = game * self._shape[1] + np.where(agents < 0, self._standing + others, agents)
         lengths = trips.passed[rows]
-        ahead = trips.edge[rows]
-        has_gone_far = lengths > 1
-        if not self._part_of.any():
-            has_gone_far = (lengths > 2) | ((lengths == 2) & (trips.nodes[rows, 0] == trips.nodes[rows, 1]))  # a loop
-        ids = self._by.streets.ids
-        found = GamePaths(len(rows))
-        for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
-            row = rows[place]
-            path = ids(trips.nodes[row, : lengths[place]]).tolist()
-            progress = None
-            if ahead[place] >= 0:
-                progress = Progress(path[-1], int(ids(ahead[place])), float(trips.share[row]))
-            found.walk(place, path, progress, trips.times[row, : lengths[place]].tolist())
+        room = np.maximum(trips.legs[rows], lengths - 1)
+        if self._by.by_metres:
+            have_paths = ((agents >= 0) | (others >= 0)) & (trips.legs[rows] > 0)
+        else:
+            is_loop = trips.nodes[rows, 0] == trips.nodes[rows, min(1, trips.nodes.shape[1] - 1)]
+            goes_far = (lengths > 2) | ((lengths == 2) & (is_loop | self._part_of.any()))
+            have_paths = (agents >= 0) & (goes_far | (trips.edge[rows] >= 0))
+        found = GamePaths(len(rows), int(room.max(initial=0)) + _MORE_LEGS)
+        for place in np.flatnonzero(have_paths).tolist():
+            found.take(place, trips.core, int(rows[place]), int(room[place]), self._ids)
         return found
 
     def paths(
@@ -261,27 +252,21 @@ class Courses:
             lengths = np.where(took_part, trips.passed[rows], 1)
             most = int(lengths.max(initial=1))
             return paths_over(trips.nodes[rows, :most], trips.times[rows, :most], lengths, starts)
-        stands = np.zeros_like(took_part) if standing is None else standing & (self._here[0][games] >= 0)
-        place, share, _, noted_back = (column[games][stands] for column in self._here)
-        counts = np.where(stands, 1, np.where(took_part, trips.legs[rows], 0))
+        have_paths = took_part
+        if standing is not None:
+            have_paths = took_part | standing
+            rows = np.where(standing, self._standing + rows, rows)
+        counts = np.where(have_paths, trips.legs[rows], 0)
         most = int(counts.max(initial=0))
         is_leg = np.arange(most) < counts[..., None]
-        edge = np.where(is_leg, trips.edges[rows, :most], -1)
-        edge[stands, :1] = place[:, None]
-        back = np.where(is_leg, trips.backs[rows, :most], -1)
-        back[stands, :1] = noted_back[:, None]
-        parts = [
-            np.where(is_leg, one[rows, :most], 0.0) for one in (trips.begins, trips.ends, trips.since, trips.until)
-        ]
-        for part, values in zip(parts, (share, share, 0.0, 1.0), strict=True):
-            part[stands, 0:1] = np.reshape(values, (-1, 1))
-        legs = Legs(edge, back, *parts)
+        edge, back = (np.where(is_leg, one[rows, :most], -1) for one in (trips.edges, trips.backs))
+        parts = (trips.begins, trips.ends, trips.since, trips.until)
+        legs = Legs(edge, back, *(np.where(is_leg, one[rows, :most], 0.0) for one in parts))
         waits = (self._part_of > 0) & (edge >= 0).any(axis=-1) & (standing is None)
         if most:
             waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
-        end = np.where(took_part, trips.edge[rows], -1)
-        end[stands] = place
-        motion = np.where(took_part & (end >= 0), trips.motion[rows], int(Motion.STOPPED))
+        end = np.where(have_paths, trips.edge[rows], -1)
+        motion = np.where(end >= 0, trips.motion[rows], int(Motion.STOPPED))
         return paths_along(legs, self._by.columns, starts, waits)._replace(edge=end, motion=motion, rests=end < 0)
 
 

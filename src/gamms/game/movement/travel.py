@@ -188,8 +188,8 @@ class GamePaths(core.PathsBySlot):
         most: the number of legs of an agent for which there is room at first.
 
     Attributes:
-        maps: the ids of the map on which each path was found; `BY_IDS`: the path is over nodes, and the columns have
-            their ids; None: the agent has no path, but stays, or moves to a node.
+        maps: the ids of the map on which each path was found, or `NodeIds`: it is over nodes; None: the agent has no
+            path, but stays, or moves to a node.
         core: the form of the core.
     """
 
@@ -240,19 +240,6 @@ class GamePaths(core.PathsBySlot):
         columns.times[first:last] = _evenly(len(path)) if times is None else array("d", times)
         self.maps[i] = BY_IDS
 
-    def stand(self, i: int, place: tuple[int, int, float], back: int, roads: RoadIds) -> None:
-        """Let an agent stand on an edge, at a place given by its node, its edge and its share of the edge.
-
-        Args:
-            i: its slot.
-            place: the place; rows.
-            back: the row of the edge for turning around; -1: none.
-            roads: the ids of the map.
-        """
-        core.begin(self.core, i, *place, Motion.STOPPED, 0.0, nan, 0)
-        core.stand_on(self.core, i, back)
-        self.maps[i] = roads
-
     def reserve(self, legs: int) -> bool:
         """Make room for so many legs of an agent, and legs before and after them; return whether memory is new."""
         if legs + _MORE_LEGS <= self._most:
@@ -273,7 +260,7 @@ class GamePaths(core.PathsBySlot):
 
     def is_moving(self, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
-        if self.maps[i] is BY_IDS:
+        if self._is_over_nodes(i):
             return bool(self._columns.passed[i] > 1 or self._columns.share[i] > 0.0)
         return self.maps[i] is not None and core.is_moving(self.core, i)
 
@@ -288,7 +275,10 @@ class GamePaths(core.PathsBySlot):
 
     def is_on_roads(self, i: int) -> bool:
         """Return whether an agent has a path by metres."""
-        return self.maps[i] is not None and self.maps[i] is not BY_IDS
+        return self.maps[i] is not None and not self._is_over_nodes(i)
+
+    def _is_over_nodes(self, i: int) -> bool:
+        return isinstance(self.maps[i], NodeIds)
 
     def num_legs(self, i: int) -> int:
         """Return the number of legs of an agent."""
@@ -328,7 +318,8 @@ class GamePaths(core.PathsBySlot):
         columns = self._columns
         first = i * (self._most + 1)
         ahead = [columns.edge[i]] if columns.share[i] else []
-        return [*columns.nodes[first + 1 : first + columns.passed[i]], *ahead]
+        rows = [*columns.nodes[first + 1 : first + columns.passed[i]], *ahead]
+        return [self.maps[i].ids[row] for row in rows]
 
     def legs_of(self, i: int) -> list[Leg]:
         """Return the legs of an agent with a path."""
@@ -369,16 +360,20 @@ class _SameIds(dict[int, int]):
         return id
 
 
-class _NodeIds(RoadIds):
-    """The ids of paths whose columns have ids of nodes in place of rows."""
+class NodeIds(RoadIds):
+    """The ids of paths over nodes.
 
-    def __init__(self) -> None:
-        ids: Any = _SameIds()
-        self.ids = ids
+    Args:
+        ids: node ids by row; None: the columns have ids in place of rows.
+    """
+
+    def __init__(self, ids: list[int] | None = None) -> None:
+        same: Any = _SameIds()
+        self.ids = same if ids is None else ids
         self.edge_ids = None
 
 
-BY_IDS = _NodeIds()
+BY_IDS = NodeIds()
 EdgesAt = tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]
 """The edges out of each node and into each node, as offsets (nodes + 1,) and rows of edges."""
 
