@@ -214,6 +214,20 @@ def test_a_life_names_the_opponent_and_the_map_of_its_game(workers):
     env.close()
 
 
+def test_a_callback_changes_the_opponents_of_games_that_begin_later():
+    env = VecMonitor(rl.sb3_env(scene(), num_games=2, team="red", others={"blue": random_walk}))
+    env.reset()
+    named = []
+    for turn in range(21):
+        if turn == 5:
+            env.set_others({"blue": stay})
+        *_, ends, infos = env.step(np.zeros(4, int))
+        named.append([infos[slot]["opponent.blue"] for slot in np.flatnonzero(ends).tolist()])
+    assert {name for names in named[:5] for name in names} <= {"random_walk"}
+    assert {name for names in named[14:] for name in names} == {"stay"}
+    env.close()
+
+
 def test_a_model_that_was_loaded_needs_the_rollouts_of_its_environment(tmp_path):
     env = rl.sb3_env(scene(), num_games=2, team="red")
     MaskablePPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu", **env.rollouts).save(

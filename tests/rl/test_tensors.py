@@ -13,6 +13,7 @@ from torchrl.envs.utils import check_env_specs
 from gamms import rl
 from gamms.errors import BadValue, UnknownName
 from gamms.scenario import Scenario
+from gamms.strategies import chase, flee
 
 WALK = "gamms.strategies:random_walk"
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -68,6 +69,28 @@ def test_tensors_are_the_same_games_as_those_of_gymnasium(maps):
             last = infos["final_obs"]["observation"].reshape(9, 3, -1)[over]
             assert np.array_equal(after["blue", "observation"].numpy()[over], last)
     assert ended > 4
+
+
+def stay(state):
+    """Choose to stay for all agents."""
+    state["blue", "action"] = torch.zeros(4, 3, dtype=torch.int64)
+    return state
+
+
+def test_others_change_in_games_that_are_reset():
+    sets = [{"red": chase}, {"red": flee}]
+    env, *fixed = [rl.torchrl_env(scene(), num_games=4, team="blue", others=one) for one in (None, *sets)]
+    expected = [one.rollout(3, policy=stay) for one in fixed]
+    assert not (expected[0] == expected[1]).all()
+    with pytest.raises(BadValue, match="'blue'"):
+        env.set_others({"blue": flee})
+    env.set_others(sets[0])
+    assert (env.rollout(3, policy=stay) == expected[0]).all()
+    TransformedEnv(env, RewardSum()).set_others(sets[1])
+    env.set_seed(0)
+    assert (env.rollout(3, policy=stay) == expected[1]).all()
+    for one in (env, *fixed):
+        one.close()
 
 
 def test_agents_that_come_are_masked_and_go_on_until_they_are_there(tmp_path):

@@ -29,7 +29,8 @@ cdef class Player:
     cdef arrivals.Arrivals arrivals
     cdef rules.Rule first
     cdef bint has_rules, at_arrivals
-    cdef const i64[::1] until, stop
+    cdef const i64[::1] until, stop, map_of
+    cdef i64 map
     cdef PastPlaces past
 
 
@@ -48,14 +49,14 @@ cpdef int play_aside(Player p, i64 begin, i64 end) except -1
 
 @cython.final
 cdef class TurnsOfGames:
-    cdef const i64[::1] map_of, turn
+    cdef const i64[::1] turn
     cdef const u8[::1] going, apart
     cdef i64 last, parts
     cdef i64[::1] until
     cdef u8[::1] over
 
 
-@cython.locals(place=i64, game=i64, until=i64)
+@cython.locals(game=i64, until=i64)
 cpdef int begin_turns(TurnsOfGames t, i64 most) except -1
 
 

@@ -108,6 +108,8 @@ class Player:
         arrivals: moves by metres with decisions on arrival; None: not used.
         first: the first rule, if `has_rules`.
         until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
+        map_of: (games,) the number of each game's map.
+        map: the number of the map whose games are played.
         stop: (1,) not 0: all games stop at once, each between two turns, or before the next game of a phase.
         past: keeps the places of agents after turns of a single game.
     """
@@ -119,10 +121,14 @@ class Player:
         at_arrivals: arrivals.Arrivals | None,
         first: rules.Rule | None,
         until: memoryview[int],
+        map_of: memoryview[int],
+        map: int,
         stop: memoryview[int],
         past: PastPlaces,
     ) -> None:
         self.stop = stop
+        self.map_of = map_of
+        self.map = map
         self.past = past
         self.games = games
         self.movers = movers
@@ -164,7 +170,7 @@ def play(p: Player, begin: int, end: int) -> int:
     """Play the games `begin` to `end - 1`, each until it is over or its number of turns is reached."""
     parts = p.movers.parts
     for game in range(begin, end):
-        if p.until[game] == 0:  # it is on another map
+        if p.map_of[game] != p.map or p.until[game] == 0:
             continue
         p.movers.take_game(p.games, game)
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
@@ -183,7 +189,7 @@ def play_phases(p: Player, phase: int, begin: int, end: int) -> int:
     for game in range(begin, end):
         if p.stop[0]:
             return 0
-        if p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
+        if p.map_of[game] == p.map and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             p.movers.take_game(p.games, game)
             play_phase(p, phase, game)
     return 0
@@ -207,19 +213,17 @@ class TurnsOfGames:
     """The turns that the games of a batch play, and which of them are over.
 
     Attributes:
-        map_of: (games,) the number of each game's map.
         going: (games,) 0: a rule has ended the game.
         apart: (games,) 1: the game is played in a context of its own.
         turn: (games,) the number of turns played.
         last: the turn at which all games end; -1: there is none.
         parts: the number of parts of a turn.
-        until: (maps * games,) see `Player.until`, of the games on each map.
+        until: (games,) see `Player`.
         over: (games,) 1: a rule has ended the game.
     """
 
     def __init__(
         self,
-        map_of: memoryview[int],
         going: memoryview[int],
         apart: memoryview[int],
         turn: memoryview[int],
@@ -228,7 +232,6 @@ class TurnsOfGames:
         until: memoryview[int],
         over: memoryview[int],
     ) -> None:
-        self.map_of = map_of
         self.going = going
         self.apart = apart
         self.turn = turn
@@ -240,15 +243,14 @@ class TurnsOfGames:
 
 def begin_turns(t: TurnsOfGames, most: int) -> int:
     """Let the games that are not over play some turns, at most `most`."""
-    for place in range(len(t.until)):
-        t.until[place] = 0
     for game in range(len(t.turn)):
         t.over[game] = not t.going[game]
+        t.until[game] = 0
         until = t.turn[game] + most
         if t.last >= 0:
             until = min(until, t.last)
         if t.going[game] and not t.apart[game] and t.turn[game] < until:
-            t.until[t.map_of[game] * len(t.turn) + game] = until * t.parts
+            t.until[game] = until * t.parts
     return 0
 
 

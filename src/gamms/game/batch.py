@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
+from itertools import count
 from threading import RLock
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
@@ -46,7 +47,7 @@ from gamms.game.cursor.separate_games import SeparateGames
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.random_streams import global_state, seeded_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
-from gamms.game.strategy_specs import PoolSpec, pools_of
+from gamms.game.strategy_specs import PoolSpec, name_strategy, pools_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -81,6 +82,10 @@ class BatchSource(NamedTuple):
     functions: MakeFunctions | None = None
     differs: bool = False
     more_edges: ClosedEdges = MappingProxyType({})
+
+
+MakeSources = Callable[[Sequence[int], Mapping[str, Any]], list[BatchSource]]
+"""Returns the sources on all maps for the seeds of games, with strategies by team or agent."""
 
 
 class _SingleGame(NamedTuple):
@@ -123,8 +128,13 @@ class Batch(Surface, Immutable, NotPickled):
         *,
         record: bool,
         most_agents: MostAgents | None,
+        make_sources: MakeSources | None = None,
     ) -> None:
-        self._sources = sources
+        self._num_maps = len(sources)
+        self._sources = list(sources)  # for all maps; after `change_strategies`, further ones with other strategies
+        self._newest = 0  # the number of the source on the first map for games that begin
+        self._make_sources = make_sources
+        self._most_agents = most_agents
         self._rosters = [roster_of(source.game, most_agents) for source in sources]
         self._roster = self._rosters[0]
         for number, roster in enumerate(self._rosters):
@@ -133,19 +143,18 @@ class Batch(Surface, Immutable, NotPickled):
         self._refuse_too_many()
         maps = locked(drawn_maps(seeds, len(sources)))
         self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
+        self._source_of = maps.copy()  # (games,) the number of the source of each game
         # Before agents move in those contexts:
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
-        self._own = [
-            FunctionsPerGame(one.game, one.functions, self.seeds, one.more_edges, differs=one.differs)
-            for one in sources
-        ]
+        self._own = [self._make_functions(source) for source in sources]
+        self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._made_engine()
         self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone, self._let_go)
         self._keeps_given = as_bool(record, "record") or self._engine.may_leave
-        self._spare: dict[int, PlayedGame] = {}  # by map, in a context of its own that no game needs now
+        self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
         self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
@@ -154,7 +163,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
-        self._window: _SingleGame | None = None  # the game in the window, with the number of its map
+        self._window: _SingleGame | None = None  # the game in the window, with the number of its source
         self._alone: _SingleGame | None = None  # the game that is playing now
         self._was_given = False  # whether actions were passed to `step` and not kept
         self._lock = RLock()  # of the thread that plays
@@ -171,14 +180,67 @@ class Batch(Surface, Immutable, NotPickled):
         each = zip(games, self._rosters, self._own, strict=True)
         movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
         self._begin = self._starts(self.seeds, self.maps)
+        self._put_public(slow=first_called(games[self._newest], self._roster))
+        played = games, movements, self.seeds, self._source_of, self._begin
+        return BatchEngine(*played, self._rosters, self._own, self._num_maps)
+
+    def _change_strategies(self, strategies: Mapping[str, Any]) -> None:
+        """Let games play other strategies from their next start on; see `change_strategies`."""
+        self._refuse_closed()
+        if self._make_sources is None:
+            raise BadValue("Only a batch of a scenario can change its strategies: scenario.batch(…).")
+        with self._playing():
+            sources = self._make_sources(self.seeds, strategies)
+            try:
+                self._put_sources(sources)
+            except BaseException:
+                for source in sources:
+                    source.game.ctx.terminate()
+                raise
+
+    def _put_sources(self, sources: Sequence[BatchSource]) -> None:
+        """Begin games from other sources from now on, which replace sources that no game plays any more."""
+        sources[0].game.internals.parts.rules.check_new()
+        rosters = [roster_of(source.game, self._most_agents) for source in sources]
+        for number, roster in enumerate(rosters):
+            _refuse_other_agents(roster, self._roster, number)
+        own = [self._make_functions(source) for source in sources]
+        for one in own:
+            if one.is_needed:
+                one.take(np.array([0]), [self.seeds[0]])  # an example, which says how they are called
+                one.install()
+        games = [source.game for source in sources]
+        each = zip(games, rosters, own, strict=True)
+        movements = [movement_in_core(game, roster, of_map.more_edges) for game, roster, of_map in each]
+        used = {number // self._num_maps for number in self._engine.maps_in_use}
+        free = (one for one in count(1) if one not in used)  # the first sources tell of the agents of all games
+        first = next(free) * self._num_maps
+        self._engine.put_maps(first, games, movements, rosters, own)
+        those = slice(first, first + self._num_maps)
+        for source in self._sources[those]:
+            source.game.ctx.terminate()
+        for number in range(first, first + self._num_maps):
+            self._deciders.pop(number, None)
+            if number in self._spare:
+                self._spare.pop(number).ctx.terminate()
+            if self._window is not None and self._window.number == number:
+                self._close_window()
+        self._sources[those] = sources
+        self._rosters[those] = rosters
+        self._own[those] = own
+        self._newest = first
         self._put_public(slow=first_called(games[0], self._roster))
-        return BatchEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, self._own)
+        self._keeps_given = True  # functions of these sources may be called
+        self._is_said = False
+
+    def _make_functions(self, source: BatchSource) -> FunctionsPerGame:
+        return FunctionsPerGame(source.game, source.functions, self.seeds, source.more_edges, differs=source.differs)
 
     def _take_functions(self, games: IntArray) -> None:
         """Make and install the strategies and plans of games, if they depend on the seed."""
         for number, own in enumerate(self._own):
             if own.is_needed:
-                on_map = games[self.maps[games] == number]
+                on_map = games[self._source_of[games] == number]
                 own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
                 own.install()
 
@@ -487,25 +549,29 @@ class Batch(Surface, Immutable, NotPickled):
         """
         self._refuse_closed()
         numbers = self._numbers_of(which)
-        kept = list(self.seeds)
-        given = [kept[game] for game in numbers.tolist()] if seeds is None else as_ids(seeds, "seeds")
+        given = [self.seeds[game] for game in numbers.tolist()] if seeds is None else as_ids(seeds, "seeds")
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
-        if not len(numbers):
-            return
+        if len(numbers):
+            self._reset(numbers, given, self._newest)
+
+    def _reset(self, numbers: IntArray, given: Sequence[int], source: int | IntArray) -> None:
+        """Reset games with these seeds; `source`: the number of each one's source on the first map."""
         if self._shown is not None and self._shown.number in numbers:
             self._hide()
-        if seeds is not None:
+        kept = list(self.seeds)
+        if [kept[game] for game in numbers.tolist()] != [*given]:
             maps = self.maps.copy()
-            maps[numbers] = drawn_maps(given, len(self._sources))
+            maps[numbers] = drawn_maps(given, self._num_maps)
             self._begin[numbers] = self._starts(given, maps[numbers])
             for game, seed in zip(numbers.tolist(), given, strict=True):
                 kept[game] = seed
             self._put_public(maps=locked(maps), seeds=tuple(kept))
+        self._source_of[numbers] = source + self.maps[numbers]
         if any(own.is_needed for own in self._own):
             self._engine.release()
             self._take_functions(numbers)
-        self._engine.start(numbers, given, self.maps[numbers], self._begin[numbers])
+        self._engine.start(numbers, given, self._source_of[numbers], self._begin[numbers])
         self._separate.forget(numbers.tolist())
         if len(numbers) == len(self):
             self._log = []
@@ -565,9 +631,9 @@ class Batch(Surface, Immutable, NotPickled):
         if self._separate or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
-        if len(self._sources) > 1:
+        if self._num_maps > 1:
             raise BadValue(
-                f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
+                f"{what} is for games on one map, whose nodes its columns number; these are on {self._num_maps}: "
                 "make a batch for each map."
             )
         return self._engine.state_of(0)
@@ -600,7 +666,7 @@ class Batch(Surface, Immutable, NotPickled):
         return self._view(np.array([self._roster.names.index(name)]), map)
 
     def _view(self, agents: IntArray, map: int | None) -> ArrayView:
-        num_maps = len(self._sources)
+        num_maps = self._num_maps
         if map is None and num_maps > 1:
             raise BadValue(
                 f"These games are on {num_maps} maps, and a view has one: give map=k, from 0 to {num_maps - 1}, for "
@@ -609,7 +675,16 @@ class Batch(Surface, Immutable, NotPickled):
         number = 0 if map is None else as_int(map, "map")
         if not 0 <= number < num_maps:
             raise BadValue(f"There is no map {number}: the batch has {num_maps}, numbered from 0.")
-        self._separate.observe([game for game in self.detached if self.maps[game] == number])
+        sources = [one for one in self._engine.maps_in_use if one % num_maps == number]
+        if len(sources) > 1:
+            raise BadValue(
+                "Some of these games still play the strategies from before set_others, and a view is of games with the "
+                "same ones: reset all games first."
+            )
+        return self._view_source(agents, *(sources or [self._newest + number]))
+
+    def _view_source(self, agents: IntArray, number: int) -> ArrayView:
+        self._separate.observe([game for game in self.detached if self._source_of[game] == number])
         return self._engine.view(agents, number)
 
     @property
@@ -625,7 +700,7 @@ class Batch(Surface, Immutable, NotPickled):
     @property
     def num_maps(self) -> int:
         """The number of maps."""
-        return len(self._sources)
+        return self._num_maps
 
     @property
     def teams(self) -> tuple[Hashable, ...]:
@@ -685,13 +760,13 @@ class Batch(Surface, Immutable, NotPickled):
         """
         overs = [self._engine.over(game) or {} for game in range(len(self))]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
-        if len(self._sources) > 1:
+        if self._num_maps > 1:
             columns["map"] = self.maps.copy()
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
-        for team, pool in pools_in(self).items():
-            columns[f"opponent.{team}"] = np.array([pool.names[pool.draw(seed, team)] for seed in self.seeds], object)
+        for team in find_pools(self):
+            columns[f"opponent.{team}"] = name_opponents(self, team, np.arange(len(self)))
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
     @names_keywords
@@ -706,7 +781,7 @@ class Batch(Surface, Immutable, NotPickled):
         """
         number = self._as_game(game)
         file = as_path(path, "path")
-        build = self._sources[self.maps[number]].build
+        build = self._sources[self._source_of[number]].build
         if build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         self._refuse_unknown_past(number)
@@ -781,7 +856,7 @@ class Batch(Surface, Immutable, NotPickled):
         """
         number = self._as_game(game)
         with self._playing():
-            if self._separate.has_context(number) and self._sources[self.maps[number]].show is None:
+            if self._separate.has_context(number) and self._sources[self._source_of[number]].show is None:
                 return self._separate.game(number).ctx
             return self._context_of(number)
 
@@ -791,7 +866,7 @@ class Batch(Surface, Immutable, NotPickled):
             self._refuse_unknown_past(number)
             self._hide()
             self._keeps_given = True
-            show = self._sources[self.maps[number]].show
+            show = self._sources[self._source_of[number]].show
             game = self._begun_alone(number) if show is None else self._shown_in_window(show, number)
             self._shown = _SingleGame(number, game)
         self._follow()
@@ -799,9 +874,9 @@ class Batch(Surface, Immutable, NotPickled):
 
     def _begun_alone(self, number: int) -> PlayedGame:
         """Return a game at its start, in a separate context."""
-        source = self._sources[self.maps[number]]
+        source = self._sources[self._source_of[number]]
         seed = self.seeds[number]
-        spare = self._spare.pop(int(self.maps[number]), None)
+        spare = self._spare.pop(int(self._source_of[number]), None)
         if spare is not None and not spare.ctx.is_terminated():
             spare.reset(seed=seed)
             return spare
@@ -810,7 +885,7 @@ class Batch(Surface, Immutable, NotPickled):
             game = source.build(seed).game
             return game
         self._engine.release()
-        own = self._own[self.maps[number]]
+        own = self._own[self._source_of[number]]
         own.remove()
         game = source.game.fork(0)
         own.install()
@@ -818,22 +893,22 @@ class Batch(Surface, Immutable, NotPickled):
         return game
 
     def _let_go(self, number: int, game: PlayedGame) -> None:
-        """Keep the context of a game that has ended for the next one on its map that needs one."""
-        map = int(self.maps[number])
-        known = self._spare.pop(map, game)
+        """Keep the context of a game that has ended for the next one of its source that needs one."""
+        source = int(self._source_of[number])
+        known = self._spare.pop(source, game)
         if known is not game:
             known.ctx.terminate()
-        self._spare[map] = game
+        self._spare[source] = game
 
     def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
-        """Return a game at its start, in the context with the window; `show` opens one for its map."""
+        """Return a game at its start, in the context with the window; `show` opens one for its source."""
         seed = self.seeds[number]
-        map = int(self.maps[number])
-        if self._window is not None and self._window.number == map and not self._window.game.ctx.is_terminated():
+        source = int(self._source_of[number])
+        if self._window is not None and self._window.number == source and not self._window.game.ctx.is_terminated():
             self._window.game.reset(seed=seed)
             return self._window.game
         self._close_window()
-        self._window = _SingleGame(map, show(seed).game)
+        self._window = _SingleGame(source, show(seed).game)
         return self._window.game
 
     def _close_window(self) -> None:
@@ -865,6 +940,19 @@ class Batch(Surface, Immutable, NotPickled):
         return self._engine.loaded
 
     # -- inside -------------------------------------------------------------------------------------------------
+
+    def _name_deciders(self, number: int) -> dict[Hashable, PoolSpec | str]:
+        """Return for each team the pool that it plays in the games of a source, or the name of its strategy."""
+        found = self._deciders.get(number)
+        if found is None:
+            plans = self._sources[number].game.settings()["plans"]
+            pairs = [(agent.team, decider_of(agent, plans)) for agent in self._rosters[number].agents]
+            names = {
+                team: dict.fromkeys(name_strategy(one) for mate, one in pairs if mate == team) for team, _ in pairs
+            }
+            found = {team: ", ".join(several) for team, several in names.items()} | pools_of(pairs)
+            self._deciders[number] = found
+        return found
 
     def _refuse_too_many(self) -> None:
         """Refuse more games than fit into memory."""
@@ -905,7 +993,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
         """Return the ids of the start nodes, (seeds, agents), for seeds and the numbers of their maps."""
         found = np.zeros((len(seeds), len(self._roster.names)), np.int64)
-        for number, source in enumerate(self._sources):
+        for number, source in enumerate(self._sources[: self._num_maps]):
             which = np.flatnonzero(maps == number)
             if not len(which):
                 continue
@@ -951,14 +1039,68 @@ def _step_again(game: PlayedGame) -> None:
 
 def digests_by_map(games: Batch) -> list[dict[str, str]]:
     """Return the digests of the scenario on each map of a batch; see `Scenario.digests`."""
-    known = [source.game.internals.digests for source in games._sources]
+    known = [source.game.internals.digests for source in games._sources[: games.num_maps]]
     return [one() for one in known if one is not None]
 
 
-def pools_in(games: Batch) -> dict[Hashable, PoolSpec]:
-    """Return the pool of each team that plays one in the games of a batch."""
-    plans = games._sources[0].game.settings()["plans"]
-    return pools_of([(agent.team, decider_of(agent, plans)) for agent in games._roster.agents])
+def change_strategies(games: Batch, strategies: Mapping[str, Any]) -> None:
+    """Let other strategies decide in the games of a batch, in each from its next reset on.
+
+    A game that is under way goes on with the strategies that it began with. The batch keeps contexts with earlier
+    strategies as long as games play in them.
+
+    Args:
+        games: a batch of a scenario.
+        strategies: strategies by team or agent, instead of those with which the batch was made; see `Scenario.build`.
+
+    Raises:
+        ScenarioError, BadType, BadValue, UnknownName: see `Scenario.build` and `Scenario.batch`; then nothing changes.
+    """
+    games._change_strategies(strategies)
+
+
+def reset_alike(games: Batch, which: IntArray, seeds: Sequence[int]) -> None:
+    """Reset games as `Batch.reset` does, with the strategies that they play now instead of the newest ones."""
+    games._reset(which, seeds, games._source_of[which] - games.maps[which])
+
+
+def list_sources(games: Batch) -> list[int]:
+    """Return the numbers of the sources of the games now, for `view_source`: one for each map and set of strategies."""
+    return games._engine.maps_in_use
+
+
+def list_newest_sources(games: Batch) -> range:
+    """Return the numbers of the sources from which games begin, one for each map; see `view_source`."""
+    return range(games._newest, games._newest + games.num_maps)
+
+
+def view_source(games: Batch, number: int, team: Hashable, agent: str | None = None) -> ArrayView:
+    """Return a view of a team, or of one agent, in the games of a source; see `Batch.observe`."""
+    roster = games._roster
+    agents = roster.members(team) if agent is None else np.array([roster.names.index(agent)])
+    return games._view_source(agents, number)
+
+
+def have_first_roads(games: Batch) -> bool:
+    """Return whether in all games the roads of the start are open."""
+    return games._engine.has_first_roads
+
+
+def find_pools(games: Batch) -> list[Hashable]:
+    """Return the teams that play a pool in a game of a batch, or will play one in the next."""
+    numbers = dict.fromkeys([*list_sources(games), games._newest])
+    deciders = [games._name_deciders(number) for number in numbers]
+    return [*dict.fromkeys(team for one in deciders for team, by in one.items() if not isinstance(by, str))]
+
+
+def name_opponents(games: Batch, team: Hashable, which: IntArray) -> np.ndarray[Any, np.dtype[np.object_]]:
+    """Return the name of a team's strategy in some games, (games,); of a pool, that of the member that it has drawn."""
+    found = np.full(len(which), None, object)
+    for place, game in enumerate(which.tolist()):
+        decider = games._name_deciders(int(games._source_of[game]))[team]
+        seed = games.seeds[game]
+        found[place] = decider if isinstance(decider, str) else decider.names[decider.draw(seed, team)]
+    return found
 
 
 def step_with(

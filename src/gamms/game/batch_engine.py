@@ -82,12 +82,15 @@ class StrategyGroup(NamedTuple):
 class GamesOnOneMap:
     """The games of a batch that are on one map: their rules, and the functions that are called between phases.
 
+    Games on the same map whose strategies differ count as games on different maps; see `Batch`.
+
     Args:
         game: the game at its start, on the map.
         state: the state of all games of the batch, on this map.
         block: the columns that the games on all maps share.
         games: (games,) the games that begin on the map.
         own: the differences between the games from their start.
+        number: the number of the map.
 
     Attributes:
         game, state: see above.
@@ -108,6 +111,7 @@ class GamesOnOneMap:
         block: CoreColumns,
         games: IntArray,
         own: FunctionsPerGame,
+        number: int,
     ) -> None:
         self.game = game
         self._own = own
@@ -150,7 +154,7 @@ class GamesOnOneMap:
         state.facts.update(game.facts)
         self._prepare(rules)
         self.core = CoreGames(
-            game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
+            game, state, block, number, is_apart=calls_each or not (state.radio is None and state.flights is None)
         )
         self.cursor = self._make_cursor(asked, observing, has_array_functions=has_arrays) if calls_each else None
         self._pointed.forget(games)
@@ -611,7 +615,8 @@ class TurnOfGames:
 class BatchEngine(TurnDriver):
     """Plays the games of a batch in the core; see `core.turn` for the phases of a turn.
 
-    The plan is the same in all turns: a game in which a function would change it leaves the batch.
+    The plan is the same in all turns, until games play on other maps: a game in which a function would change it leaves
+    the batch.
 
     Args:
         games: the game at its start on each map.
@@ -621,9 +626,11 @@ class BatchEngine(TurnDriver):
         start: the ids of the start nodes, (games, agents).
         rosters: the agents on each map.
         own: the differences between the games on each map from their start.
+        num_streets: the number of different maps; map i has the streets of map i modulo this number.
 
     Attributes:
         stop_at: (games,) the turn at which the last run stopped each game; None: it had no limit.
+        maps_in_use: the numbers of the maps that games are on.
 
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
@@ -638,6 +645,7 @@ class BatchEngine(TurnDriver):
         start: IntArray,
         rosters: Sequence[AgentTable],
         own: Sequence[FunctionsPerGame],
+        num_streets: int,
     ) -> None:
         super().__init__(DecidePhase())
         self.spent = dict.fromkeys(PHASES, 0.0)
@@ -649,8 +657,7 @@ class BatchEngine(TurnDriver):
             "send": ("apply", self._send),
         }
         self._map_of = map_of.copy()
-        self._num_maps = len(games)
-        self._find_games()
+        self._on = self._find_games(len(games))
         begin = np.zeros_like(start)
         for movement, of_map in zip(movements, self._on, strict=True):
             begin[of_map] = movement.streets.rows(start[of_map])
@@ -671,28 +678,22 @@ class BatchEngine(TurnDriver):
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
         self._maps = [
-            GamesOnOneMap(game, state, self._block, of_map, values)
-            for game, state, of_map, values in zip(games, states, self._on, own, strict=True)
+            GamesOnOneMap(game, state, self._block, of_map, values, number)
+            for number, (game, state, of_map, values) in enumerate(zip(games, states, self._on, own, strict=True))
         ]
         self._num_parts = self._maps[0].core.num_parts
-        self._acts = self._maps[0].acts
-        self._asks_functions = self._maps[0].asks_functions
-        self._has_rules_before = any(one.before for one in self._maps)
         self._leaves_out = self._maps[0].leaves_out
         self._by_metres = any(movement.by_metres for movement in movements)
+        self._num_streets = num_streets
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
-        if len(movements) > 1 and all(movement.is_plain for movement in movements):
-            self._tables = join_streets([movement.streets for movement in movements])
+        if num_streets > 1 and all(movement.is_plain for movement in movements):
+            self._tables = join_streets([movement.streets for movement in movements[:num_streets]])
             self._of_all_maps = self._state.on_map(Movement(movements[0].streets), rosters[0])
         self._given_agents: dict[tuple[tuple[Hashable, str | None], ...], GivenAgents] = {}  # by team
         self._now: TurnOfGames
-        # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
-        acts = self._acts or self._has_deeds
-        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
-        self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
+        self._find_phases()
         state = self._state
         self._turns = TurnsOfGames(
-            memory_of(self._map_of),
             memory_of(state.is_going),
             memory_of(state.is_apart),
             memory_of(state.turn),
@@ -702,10 +703,69 @@ class BatchEngine(TurnDriver):
             memory_of(self._block.over),
         )
 
-    def _find_games(self) -> None:
-        """Find the games that are on each map."""
-        self._is_on = (self._map_of == np.arange(self._num_maps)[:, None]).astype(np.int64)  # (maps, games) 1 or 0
-        self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
+    def _find_games(self, maps: int) -> list[IntArray]:
+        """Return the numbers of the games that are on each of several maps."""
+        return [np.flatnonzero(self._map_of == number) for number in range(maps)]
+
+    def _find_phases(self) -> None:
+        """Determine what happens between the phases of a turn, by the maps that games are on."""
+        self.maps_in_use = [number for number, games in enumerate(self._on) if len(games)]
+        self._in_use = [self._maps[number] for number in self.maps_in_use]
+        self._acts = any(one.acts for one in self._in_use)
+        self._asks_functions = any(one.asks_functions for one in self._in_use)
+        self._has_rules_before = any(one.before for one in self._in_use)
+        # Whether nothing happens between the parts of a turn that the core does not do, and in the whole turn:
+        acts = self._acts or self._has_deeds
+        self._plays_parts_at_once = not (self.plays_by_phases or acts or self._by_metres)
+        self._plays_turns = self._plays_parts_at_once and not (self._has_rules_before or self._leaves_out)
+        self._given_agents.clear()
+        self.plan_now = None
+
+    def put_maps(
+        self,
+        first: int,
+        games: Sequence[PlayedGame],
+        movements: Sequence[Movement],
+        rosters: Sequence[AgentTable],
+        own: Sequence[FunctionsPerGame],
+    ) -> None:
+        """Add maps, on which no game is yet, or replace maps without games.
+
+        Args:
+            first: the number of the first of these maps.
+            games: the game at its start on each of them.
+            movements: see above.
+            rosters: see above.
+            own: see above.
+
+        Raises:
+            GammsError: see above; then nothing was changed.
+        """
+        states = [self._state.on_map(*pair) for pair in zip(movements, rosters, strict=True)]
+        none = np.zeros(0, np.int64)
+        maps = [
+            GamesOnOneMap(game, state, self._block, none, values, first + place)
+            for place, (game, state, values) in enumerate(zip(games, states, own, strict=True))
+        ]
+        self._maps[first : first + len(maps)] = maps
+        self._block.take_states([one.state for one in self._maps])
+        self._on = self._find_games(len(self._maps))
+        self._find_phases()
+
+    @property
+    def has_first_roads(self) -> bool:
+        """Whether the roads of the start are open in all games."""
+        return not any(one.state.roads.are_closed for one in self._in_use)
+
+    @property
+    def _at_rest(self) -> BoolArray | None:
+        """A mask of the agents that certainly decide when a turn begins, (all games, agents); None: all."""
+        masks = [(one.at_rest, games) for one, games in zip(self._maps, self._on, strict=True)]
+        found, _ = masks[0]
+        for mask, games in masks[1:]:
+            if found is not None and mask is not None:
+                found[games] = mask[games]
+        return found
 
     def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
         """Yield each map with its games that a mask selects, (games,)."""
@@ -728,7 +788,7 @@ class BatchEngine(TurnDriver):
     @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that it calls."""
-        return [function for one in self._maps for function in one.functions]
+        return [function for one in self._in_use for function in one.functions]
 
     @property
     def may_leave(self) -> bool:
@@ -743,7 +803,7 @@ class BatchEngine(TurnDriver):
     @property
     def calls_each(self) -> bool:
         """Whether plain functions are called game by game."""
-        return any(one.cursor is not None for one in self._maps)
+        return any(one.cursor is not None for one in self._in_use)
 
     def release(self) -> None:
         """Restore the contexts as they were before plain functions were called."""
@@ -761,7 +821,9 @@ class BatchEngine(TurnDriver):
             nodes: (games, agents) the ids of the start nodes.
         """
         self._map_of[games] = maps
-        self._find_games()
+        self._on = self._find_games(len(self._maps))
+        if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
+            self._find_phases()
         self._state.is_apart[games] = False
         if self.stop_at is not None:
             self.stop_at[games] = np.iinfo(np.int64).max
@@ -912,11 +974,11 @@ class BatchEngine(TurnDriver):
             TurnInterrupted: Ctrl-C was pressed.
         """
         is_long = self._seconds > _LONG_S
-        needing = [] if is_single else [one for one in self._maps if one.needs_checkpoint(is_given=is_given)]
+        needing = [] if is_single else [one for one in self._in_use if one.needs_checkpoint(is_given=is_given)]
         undoing = [one.checkpoint() for one in needing]
         undoing_interrupted = undoing
         if is_long and not undoing:
-            undoing_interrupted = [one.checkpoint() for one in self._maps]
+            undoing_interrupted = [one.checkpoint() for one in self._in_use]
         self._can_stop = is_long
         began = perf_counter()
         try:
@@ -943,7 +1005,7 @@ class BatchEngine(TurnDriver):
         needed = {"decide", "move"}
         if self._acts or self._has_deeds:
             needed.add("act")
-        if any(one.has_conflicts for one in self._maps):
+        if any(one.has_conflicts for one in self._in_use):
             needed.add("give way")
         parts = [needed] * self._num_parts
         if self._plays_parts_at_once:
@@ -973,7 +1035,8 @@ class BatchEngine(TurnDriver):
         takes = None
         if given or self._asks_functions:
             takes = [one.takes_block(is_given) for one in self._maps]
-        return GivenAgents(members, is_given, takes, self._maps[0].asks_at_arrivals(is_given=len(given) > 0))
+        asks_at_arrivals = any(one.asks_at_arrivals(is_given=len(given) > 0) for one in self._in_use)
+        return GivenAgents(members, is_given, takes, asks_at_arrivals)
 
     def before(self) -> bool:
         """Call the rules before the moves, and take the given actions."""
@@ -1113,10 +1176,10 @@ class BatchEngine(TurnDriver):
 
     def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
         """Return groups of games whose legal moves are in one table, with their states."""
-        if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
+        if self._of_all_maps is None or not self.has_first_roads:
             return [(one.state, games) for one, games in self._each(playing)]
         tables = self._tables
-        self._of_all_maps.movement.tables = tables._replace(first=tables.first[self._map_of])
+        self._of_all_maps.movement.tables = tables._replace(first=tables.first[self._map_of % self._num_streets])
         return [(self._of_all_maps, np.flatnonzero(playing))]
 
     def _play_decisions(
@@ -1182,7 +1245,7 @@ class BatchEngine(TurnDriver):
                     self._state.turning[turned:] = filter(self._has_gone_on, self._state.turning[turned:])
                 play(_ARRIVE)
                 number += 1
-                for one in self._maps:
+                for one in self._in_use:
                     one.core.arrival = number
             is_played = True
         finally:
@@ -1228,7 +1291,7 @@ class BatchEngine(TurnDriver):
 
     def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
         """Call the rules before the turn; return a mask of the games that go on."""
-        self._take_moves(playing, given, self._maps[0].at_rest)
+        self._take_moves(playing, given, self._at_rest)
         for one, games in self._each(playing):
             one.check_given(games, given)
         for one, games in self._each(playing):
@@ -1252,7 +1315,7 @@ class BatchEngine(TurnDriver):
             threads: the number of threads.
             phase: the phase of a part of the turn, see `gamms.core.turn`; None: all phases.
         """
-        np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
+        self._block.until[:] = np.where(playing, until, 0)
         self._block.give()
         self._run_core(takes, threads, phase)
 
@@ -1264,8 +1327,8 @@ class BatchEngine(TurnDriver):
         writer: LearnerWriter | None = None,
     ) -> None:
         """Play the games that `CoreColumns.until` selects; see `_play` and `play`."""
-        cores = [one.core for one in self._maps]
-        for number, core in enumerate(cores):
+        cores = [one.core for one in self._in_use]
+        for number, core in zip(self.maps_in_use, cores, strict=True):
             core.prepare(None if takes is None else takes[number], threads)
 
         def play_part(thread: int, begin: int, end: int) -> None:

@@ -115,6 +115,14 @@ def pools_of(deciders: Iterable[tuple[Hashable, object]]) -> dict[Hashable, Pool
     return {team: pool for team, one in deciders if (pool := strategy_spec_of(one).pool) is not None}
 
 
+def name_strategy(strategy: object) -> str:
+    """Return the name of a strategy, or of a function that makes one, as results name opponents."""
+    call: str | None = getattr(strategy, "call", None)
+    if call is None:
+        return str(getattr(strategy, "__name__", type(strategy).__name__))
+    return call.replace("(ctx, ", "(").removesuffix("(ctx)")
+
+
 def drawn_members(deciders: Iterable[tuple[Hashable, object]], seed: int) -> dict[Hashable, str]:
     """Return the name of the member that each team with a pool plays in the game of a seed.
 

@@ -255,7 +255,7 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     # -- inside: methods that `ProcessesEnv` overrides ----------------------------------------------------------
 
     def _drawn(self) -> Infos:
-        """Return what the games have drawn by their seeds, (slots,); see `Learners`."""
+        """Return what the games play with, (slots,); see `Learners.drawn`."""
         return {key: np.repeat(column, self.num_agents) for key, column in self.learners.drawn.items()}
 
     def _begin(self, which: IntArray, seeds: Seeds) -> tuple[Columns, BoolArray]:

@@ -3,7 +3,7 @@
 A game is determined by its seed and the actions of its agents, so copies and pickles contain only these.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -187,7 +187,7 @@ class EnvRecipe(NamedTuple):
 
 
 class CopyableEnv:
-    """Copying and pickling of environments; see `remake`.
+    """Copying and pickling of environments, see `remake`, and the change of their opponents.
 
     Attributes:
         recipe: the call that made the environment.
@@ -199,6 +199,20 @@ class CopyableEnv:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return remake, (self.recipe, {name: getattr(self, name) for name in self._own}, self._carried())
+
+    def set_others(self, others: Mapping[str, Any] | None) -> None:
+        """Replace the strategies of other agents and teams: in each game from its next start on.
+
+        A game that is under way goes on with the strategies that it began with. See `Learners.set_others`.
+
+        Args:
+            others: strategies by team or agent, as in `gamms.rl.parallel_env`, in place of all earlier ones; None: all
+                others play those of the scenario.
+
+        Raises:
+            UnknownName, BadType, BadValue: see `gamms.rl.parallel_env`; then nothing changes.
+        """
+        self.learners.set_others(others)
 
     def _carried(self) -> Any:
         """Return a checkpoint of the games."""

@@ -14,7 +14,20 @@ from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mappi
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, LearnerWriter, movement_in, vectors_in, writer_of
-from gamms.game.batch import Batch, MostAgents, plays_at_once, pools_in, step_with
+from gamms.game.batch import (
+    Batch,
+    MostAgents,
+    change_strategies,
+    find_pools,
+    have_first_roads,
+    list_newest_sources,
+    list_sources,
+    name_opponents,
+    plays_at_once,
+    reset_alike,
+    step_with,
+    view_source,
+)
 from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -54,6 +67,10 @@ class GamesCheckpoint(NamedTuple):
         episodes: (games,) the number of resets since then.
         seed: the seed of the game that `begin_next` began last.
         prefix: the actions.
+        set_of: (games,) the number of the others that each game plays against, see `Learners.set_others`; 0: those with
+            which the learners were made.
+        newest: the number of the others of games that begin.
+        others: number -> others, without 0.
     """
 
     seeds: tuple[int, ...] | None
@@ -61,6 +78,9 @@ class GamesCheckpoint(NamedTuple):
     episodes: IntArray
     seed: int | None
     prefix: ActionHistory
+    set_of: IntArray
+    newest: int
+    others: dict[int, Mapping[str, Any]]
 
 
 class Learners:
@@ -97,8 +117,9 @@ class Learners:
         has_begun: whether games have begun; before that, environments play no turn.
         stride: the number of games, including those of other processes.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
-        drawn: what each game has drawn by its seed, for infos, each (games,): "opponent.<team>", the name of the member
-            of each other team that plays a pool; and with several maps "map" and "map_spec", see `ArrayView`.
+        drawn: what each game plays with, for infos, each (games,): "opponent.<team>", the name of the strategy of each
+            other team that `others` names, and of the member that it has drawn if it plays a pool; and with several
+            maps "map" and "map_spec", see `ArrayView`.
 
     Raises:
         UnknownName (KeyError): a team does not exist.
@@ -134,30 +155,30 @@ class Learners:
         self._reward = reward
         self._threads = min(as_count(threads, "threads"), as_count(num_games, "num_games"))
         self._observe = observation or partial(default_observation, threads=self._threads)
-        strategies = dict(as_mapping(others or {}, "others"))
-        self._scripted = None
-        if agent is not None:
-            self._scripted = ScriptedActions()
-            strategies[agent] = self._scripted
+        first_others = dict(as_mapping(others or {}, "others"))
+        self.agent = agent
+        self._scripted = None if agent is None else ScriptedActions()
         first = as_int(seed, "seed")
         number = as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
             number,
             seed=first,
-            strategies=strategies,
-            record=record,
+            strategies=self._with_scripted(first_others),
+            record=record or agent is None,
             one_by_one=one_by_one,
             vis_engine=vis_engine,
             most_agents=most_agents,
             maps=maps,
         )
-        self._pools = pools_in(self.games)
+        self._sets: dict[int, Mapping[str, Any]] = {0: first_others}  # of others: those that games play, and the newest
+        self._newest = 0
+        self._set_of = np.zeros(number, np.int64)
         self._first = first + np.arange(number)
         self._episodes = np.zeros(number, np.int64)
         self.stride = number
         try:
             self._look_at((teams,) if isinstance(teams, str) else teams, agent)
-            self._refuse_learners(dict(others or {}))
+            self._refuse_learners(first_others)
         except BaseException:
             self.games.close()
             raise
@@ -174,10 +195,10 @@ class Learners:
                 raise BadValue(
                     f"Agent {shown(agent)} is of the team {shown(self.teams[0])}: give agent= without team=."
                 )
-        self.agent = agent
-        self._pools = {team: pool for team, pool in self._pools.items() if team not in self.teams}
         views = self._views(0)
+        self._opposing: list[Hashable] = []  # the teams in `drawn`
         self.drawn = self._begin_drawn()
+        self._name_others()
         self._specs = [self._views(number)[0].map_spec for number in range(self.games.num_maps)]
         self.num_actions = self._most_actions()
         self.deeds = self._deeds_in(views[0])
@@ -191,7 +212,6 @@ class Learners:
         self.is_there: BoolArray = np.ones(self._shape, np.bool_)
         self._can_come = not views[0].roster.is_first.all()
         self._known_views: list[tuple[ArrayView, ...]] | None = None  # see `_now`
-        self._maps = self._list_maps()
         game = self.games.game
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         self._turn = TurnArrays(self._shape, may_return=self.may_return)
@@ -213,6 +233,11 @@ class Learners:
                 "turn, or add a rule such as tag with a score."
             )
 
+    def _with_scripted(self, others: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the strategies of others, and that of the only learning agent."""
+        own = {} if self.agent is None or self._scripted is None else {self.agent: self._scripted}
+        return {**others, **own}
+
     def _refuse_learners(self, others: Mapping[str, Any]) -> None:
         """Refuse strategies of other agents that are for agents or teams that learn."""
         learning = [*self.names, *(self.teams if self.agent is None else ())]
@@ -228,8 +253,15 @@ class Learners:
         games = len(self.games)
         has_maps = self.games.num_maps > 1
         found: dict[str, np.ndarray[Any, Any]] = {"map": np.zeros(games, np.int64)} if has_maps else {}
-        names = [f"opponent.{team}" for team in self._pools] + ["map_spec"] * has_maps
-        return found | {name: np.full(games, None, object) for name in names}
+        return found | ({"map_spec": np.full(games, None, object)} if has_maps else {})
+
+    def _name_others(self) -> None:
+        """Add the teams to `drawn` that others name, or that play a pool."""
+        named = [*find_pools(self.games), *(team for team in self.games.teams if team in self._sets[self._newest])]
+        for team in named:
+            if team not in self._opposing and team not in self.teams:
+                self._opposing.append(team)
+                self.drawn[f"opponent.{team}"] = name_opponents(self.games, team, np.arange(len(self.games)))
 
     def _deeds_in(self, view: ArrayView) -> DeedChoices | None:
         """Return the deed choices of agents; None: the scenario declares no deeds."""
@@ -405,19 +437,47 @@ class Learners:
         if self.games.is_closed:
             raise BadValue("This environment is closed: make another one with the functions of gamms.rl.")
 
-    def begin(self, which: IntArray, seeds: Sequence[int]) -> None:
-        """Begin games again, with these seeds."""
+    def set_others(self, others: Mapping[str, Any] | None) -> None:
+        """Replace the strategies of other agents and teams: in each game from its next start on.
+
+        A game that is under way goes on with the strategies that it began with, beside games with the new ones. A game
+        that begins later is the same as one of learners that were made with these others.
+
+        Args:
+            others: strategies by team or agent, in place of all earlier others: teams that it does not name play the
+                strategies of the scenario. None: all do.
+
+        Raises:
+            UnknownName (KeyError): there is no such team or agent.
+            BadType, BadValue: a strategy is for agents that learn, or is no strategy; then nothing changes.
+        """
         self._refuse_closed()
-        self.games.reset(which, seeds=seeds)
-        for team, pool in self._pools.items():
-            self.drawn[f"opponent.{team}"][which] = [pool.names[pool.draw(seed, team)] for seed in seeds]
+        given = dict(as_mapping({} if others is None else others, "others"))
+        self._refuse_learners(given)
+        change_strategies(self.games, self._with_scripted(given))
+        for number in list_newest_sources(self.games):
+            movement_in(self._views(number)[0]).width = self.num_actions
+        self._newest += 1
+        self._sets[self._newest] = given
+        self._sets = {number: self._sets[number] for number in {*self._set_of.tolist(), self._newest}}
+        self._name_others()
+
+    def begin(self, which: IntArray, seeds: Sequence[int], *, keeps_others: bool = False) -> None:
+        """Begin games again, with these seeds, and with the newest others, or the same ones."""
+        self._refuse_closed()
+        if keeps_others:
+            reset_alike(self.games, which, seeds)
+        else:
+            self.games.reset(which, seeds=seeds)
+            self._set_of[which] = self._newest
+        for team in self._opposing:
+            self.drawn[f"opponent.{team}"][which] = name_opponents(self.games, team, which)
         if "map" in self.drawn:
             self.drawn["map"][which] = self.games.maps[which]
             for game in which.tolist():
                 self.drawn["map_spec"][game] = self._specs[self.games.maps[game]]
         self.has_begun = True
         self._prefix.begin(which)
-        self._maps = self._list_maps()
         if self._writer is not None:
             self._writer.move(self.games.maps)
         self._look(which)
@@ -426,7 +486,9 @@ class Learners:
         """Return a checkpoint of the games, for `restore` in learners of the same scenario and options."""
         self._refuse_closed()
         seeds = tuple(self.games.seeds) if self.has_begun else None
-        return GamesCheckpoint(seeds, self._first.copy(), self._episodes.copy(), self._seed, self._prefix.cut())
+        others = {number: one for number, one in self._sets.items() if number}
+        played = self._prefix.cut(), self._set_of.copy(), self._newest, others
+        return GamesCheckpoint(seeds, self._first.copy(), self._episodes.copy(), self._seed, *played)
 
     def restore(self, carried: GamesCheckpoint) -> None:
         """Replay games up to a checkpoint, so that all reach it in the same step.
@@ -437,14 +499,20 @@ class Learners:
             seeds = np.array(carried.seeds, object)
             steps = carried.prefix.steps
             behind = steps.max() - steps
-            self.begin(np.arange(len(steps)), seeds.tolist())
+            for number in sorted({*carried.set_of.tolist()}):
+                which = np.flatnonzero(carried.set_of == number)
+                if number:
+                    self.set_others(carried.others[number])
+                self.begin(which, seeds[which].tolist())
             for turn in range(int(steps.max()) + 1):
                 which = np.flatnonzero(behind == turn)
                 if turn and len(which):
-                    self.begin(which, seeds[which].tolist())
+                    self.begin(which, seeds[which].tolist(), keeps_others=True)
                 self.observe()  # an observation function may have memory
                 if turn < steps.max():
                     self.step(*carried.prefix.at(turn - behind))
+        if carried.newest and (carried.seeds is None or carried.newest not in carried.set_of):
+            self.set_others(carried.others[carried.newest])
         self._first[:] = carried.first
         self._episodes[:] = carried.episodes
         self._seed = carried.seed
@@ -455,7 +523,7 @@ class Learners:
         For each agent of all teams, sorted by name: `alive`, `x` and `y`, and if an agent flies `z`, as shares of the
         map; then the share n / (n + 100) after n turns, and the scores of the teams.
         """
-        on_maps = [self._whole_on(number) for number in range(self.games.num_maps)]
+        on_maps = [self._whole_on(number) for number in list_sources(self.games)]
         of_agents = _in_order([values for values, _ in on_maps], [view for _, view in on_maps])
         known = self.games.scores
         scores = [known.get(team, np.zeros(len(self.games))) for team in self.games.teams]
@@ -466,9 +534,9 @@ class Learners:
         )
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
-    def _whole_on(self, map: int) -> tuple[FloatArray, ArrayView]:
-        """Return the numbers of `whole` for the agents in the games on a map, and a view of these games."""
-        views = [self.games.observe(team, map=map) for team in self.games.teams]
+    def _whole_on(self, number: int) -> tuple[FloatArray, ArrayView]:
+        """Return the numbers of `whole` for the agents in the games of a source, and a view of these games."""
+        views = [view_source(self.games, number, team) for team in self.games.teams]
         order = np.argsort(np.concatenate([view.agents for view in views]))
         xy = np.concatenate([view["xy"] for view in views], axis=1)[:, order]
         alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
@@ -488,12 +556,8 @@ class Learners:
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _views(self, number: int) -> list[ArrayView]:
-        """Return the views of the teams in the games on the map of this number, which may be empty."""
-        games = self.games
-        agent = self.agent
-        if agent is not None:
-            return [games.observe_agent(agent, map=number)]
-        return [games.observe(team, map=number) for team in self.teams]
+        """Return the views of the teams in the games of a source, which may be empty; the first are of the maps."""
+        return [view_source(self.games, number, team, self.agent) for team in self.teams]
 
     def _begin_writing(self) -> None:
         """Choose whether the core writes the legal actions, and the observations."""
@@ -507,14 +571,10 @@ class Learners:
             members = np.concatenate([view.agents for view in self._views(0)])
             self._writer = writer_of(views, self.games.maps, members, self._turn, others, self._threads)
 
-    def _list_maps(self) -> list[int]:
-        """Return the numbers of the maps that have games."""
-        return np.flatnonzero(np.bincount(self.games.maps)).tolist()
-
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
-        """Return for each team a view for each map that has games."""
-        by_map = [self._views(number) for number in self._maps]
-        return list(zip(*by_map, strict=True))
+        """Return for each team a view for each source that has games: a map, with the same others."""
+        by_source = [self._views(number) for number in list_sources(self.games)]
+        return list(zip(*by_source, strict=True))
 
     @property
     def _now(self) -> list[tuple[ArrayView, ...]]:
@@ -532,7 +592,7 @@ class Learners:
         turn.over[:] = self.games.is_over
         turn.late[:] = self.games.truncated if turn.over.any() else False
         was_written = self._is_written
-        self._is_written = self._writer is not None and self.games.is_in_arrays and self._writer.hold()
+        self._is_written = self._writer is not None and self.games.is_in_arrays and have_first_roads(self.games)
         if self._writer is not None and self._is_written:
             self._writer.look(which if was_written else None)
             return

@@ -8,7 +8,7 @@ import mmap
 import os
 import tempfile
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise, product
@@ -93,6 +93,13 @@ class ProcessesEnv(GamesEnv):
         """Return a mask of legal actions, (slots, actions)."""
         key = f"{_OBSERVED}action_mask"
         return self._arrays[key] > 0 if key in self._arrays else self._interface.masks()
+
+    def set_others(self, others: Mapping[str, Any] | None) -> None:
+        """Replace the strategies of other agents and teams in all processes; see `GamesEnv.set_others`."""
+        self._refuse_closed()
+        task = _task(set_others, others)
+        super().set_others(others)  # of the game that is not played, which refuses wrong ones
+        self._drawn_in = self._ask([task] * len(self._workers))
 
     def _drawn(self) -> dict[str, Any]:
         """Return what the games have drawn by their seeds, (slots,), as their processes said last."""
@@ -245,6 +252,10 @@ class _WorkerGames:
         self._write(_OBSERVED, observed)
         return self._finish()
 
+    def set_others(self, others: Mapping[str, Any] | None) -> Arrays:
+        self._games.set_others(others)
+        return self._finish()
+
     def carried(self) -> Any:
         return self._games._carried()
 
@@ -294,6 +305,13 @@ def begin(
 def begin_games(which: IntArray, seeds: Seeds) -> Arrays:
     """Begin games of this process, by their numbers in it; return what all have drawn, see `Learners`."""
     return {} if _games_here is None else _games_here.begin(which, seeds)
+
+
+def set_others(others: Mapping[str, Any] | None) -> Arrays:
+    """Replace the strategies of other agents and teams in the games of this process; return their draws."""
+    if _games_here is None:
+        return {}
+    return _games_here.set_others(others)
 
 
 def carried() -> Any:

@@ -1,6 +1,6 @@
 """Many games as a `VecEnv` of Stable-Baselines3."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -140,6 +140,13 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         """Set the seed of the games for the next `reset`."""
         self._seed = seed
         return [seed] * self.num_envs
+
+    def set_others(self, others: Mapping[str, Any] | None) -> None:
+        """Replace the strategies of other agents and teams, in each game from its next start on; see `vector_env`.
+
+        A callback calls `self.training_env.set_others({…})`, also through wrappers.
+        """
+        self._games.set_others(others)
 
     def step_async(self, actions: np.ndarray[Any, Any]) -> None:
         """Store the actions of the next turn."""

@@ -1,5 +1,6 @@
 """Many games as an `EnvBase` of TorchRL: tensordicts of games, with a group of agents for each team."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,10 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         ends = np.cumsum([one.shape[1] for one in given])
         parts = [(np.arange(end - one.shape[1], end), one) for one, end in zip(given, ends, strict=True)]
         return self._results(self.learners.step(*heads_of(self.learners, parts)))
+
+    def set_others(self, others: Mapping[str, Any] | None) -> None:
+        """Replace the strategies of other agents and teams, in each game from its next reset on; see `Learners`."""
+        self.learners.set_others(others)
 
     def _set_seed(self, seed: int | None) -> None:
         """Set the seed of game i to `seed + i` for the next reset."""

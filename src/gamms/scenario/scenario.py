@@ -383,14 +383,11 @@ class Scenario(Surface, Immutable):
                 DeprecationWarning,
                 stacklevel=2,
             )
-        scenarios = [self] if maps is None else self._on_maps(maps)
-        sources: list[BatchSource] = []
+        make = partial(_make_sources, [self] if maps is None else self._on_maps(maps), vis_engine)
+        sources = make(chosen, strategies)
         try:
-            for scenario in scenarios:
-                with on_map(scenario._map_number):
-                    sources.append(scenario._source_of_batch(chosen, strategies, vis_engine))
             sources[0].game.internals.parts.rules.check_new()
-            return Batch(sources, chosen, record=record, most_agents=most_agents)
+            return Batch(sources, chosen, record=record, most_agents=most_agents, make_sources=make)
         except BaseException:
             for source in sources:
                 source.game.ctx.terminate()
@@ -439,6 +436,22 @@ class Scenario(Surface, Immutable):
         # Without the map: each worker of a pool loads it once. Idle teams are named by the process that asks.
         named = {"_named_idle": {*self.spec.teams}}
         return from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable), named
+
+
+def _make_sources(
+    scenarios: Sequence[Scenario], vis_engine: Engine | None, seeds: Sequence[int], strategies: Strategies | None
+) -> list[BatchSource]:
+    """Return the sources of a batch's games on each map; `scenarios` are the same on different maps."""
+    sources: list[BatchSource] = []
+    try:
+        for scenario in scenarios:
+            with on_map(scenario._map_number):
+                sources.append(scenario._source_of_batch(seeds, strategies, vis_engine))
+    except BaseException:
+        for source in sources:
+            source.game.ctx.terminate()
+        raise
+    return sources
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variable: str | None = None) -> Scenario:

@@ -13,7 +13,7 @@ from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.declarations import array_strategy
 from gamms.game.array_functions.view import ArrayView, pool_shares_in
-from gamms.game.strategy_specs import CoreStep, PoolSpec, declare, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, PoolSpec, declare, name_strategy, strategy_spec_of
 from gamms.strategies.knowledge import as_strategy, offer_steps, required
 from gamms.text import shown
 from gamms.typing import IContext
@@ -73,7 +73,7 @@ def _list_members(members: object, weights: Iterable[float] | None) -> list[Pool
         given = [*named.items()]
     else:
         items = as_items(members, "members", "strategies")
-        given = [(_name_of(one) if callable(one) else str(number), one) for number, one in enumerate(items)]
+        given = [(name_strategy(one) if callable(one) else str(number), one) for number, one in enumerate(items)]
     if not given:
         raise BadValue("A pool needs at least one member, such as pool([chase, flee]).")
     shares = _shares_of(weights, len(given))
@@ -93,14 +93,6 @@ def list_pool_members(strategy: object) -> list[PoolMember]:
     """Return the members of a pool that may be drawn; of any other strategy an empty list."""
     members: list[PoolMember] = getattr(strategy, _MEMBERS, [])
     return [member for member in members if member.share > 0.0]
-
-
-def _name_of(member: object) -> str:
-    """Return the name of a strategy, or of a function that makes one."""
-    call: str | None = getattr(member, "call", None)
-    if call is None:
-        return str(getattr(member, "__name__", type(member).__name__))
-    return call.replace("(ctx, ", "(").removesuffix("(ctx)")
 
 
 def _with_numbers(members: list[PoolMember]) -> list[PoolMember]:

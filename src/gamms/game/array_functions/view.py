@@ -39,7 +39,6 @@ from gamms.game.conflicts import flat
 from gamms.game.messages import OutgoingMessages, ReceivedMessages
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
-from gamms.game.movement.roads import OpenRoads
 from gamms.game.movement.routes import RouteTable
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
@@ -776,7 +775,6 @@ class LearnerWriter:
         rooms: scratch buffers; for each, a thread plays and writes a part of the games.
         first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
         first_node: (games,) the index of the first node of each game's map.
-        roads: the open roads of the games on each map.
 
     Attributes:
         values: (games, learners, entries) the vectors that were written last.
@@ -794,7 +792,6 @@ class LearnerWriter:
         rooms: list[observe.NearestAgents],
         first: IntArray,
         first_node: IntArray,
-        roads: list[OpenRoads],
     ) -> None:
         self._turn = turn.core
         self._shape = turn.alive.shape
@@ -804,13 +801,8 @@ class LearnerWriter:
         self._rooms = rooms
         self._first = first
         self._first_node = first_node
-        self._roads = roads
         self._steps: list[LearnerStep] = []
         self._make_arrays()
-
-    def hold(self) -> bool:
-        """Return whether the writer is still valid: in no game are roads open that differ from the start."""
-        return not any(roads.are_closed for roads in self._roads)
 
     def move(self, maps: IntArray) -> None:
         """Set the map of each game by its number, (games,)."""
@@ -919,8 +911,7 @@ def writer_of(
         if turn.alive.size * _TURNS_AHEAD >= first[-1]:
             find_distances(ways, streets, _widest_square(looks[0], agents))
     output = encoder.output(vectors._replace(counts=turn.counts))
-    roads = [view._state.roads for view in views]
-    return LearnerWriter(turn, observers, output, encoder.rooms(ways, threads), first, first_node, roads)
+    return LearnerWriter(turn, observers, output, encoder.rooms(ways, threads), first, first_node)
 
 
 def _widest_square(looks: tuple[Any, Any, Any], agents: IntArray) -> float:

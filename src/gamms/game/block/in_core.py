@@ -281,6 +281,7 @@ class BatchRules(RuleBuilder):
             self.legs = travel.legs
         self._room_of_pieces = 2 * agents * (self.most + 2 * most_legs + 1), keys  # visits and legs, two entries each
         self.rules = known
+        self._count = 0  # the parts of rules that are numbered
         self._agents_in: list[IntArray] = []  # stored columns of agent numbers, which may have been loaded
 
     @cached_property
@@ -292,6 +293,16 @@ class BatchRules(RuleBuilder):
     def roster(self) -> AgentTable:
         """The agents."""
         return self.state.roster
+
+    def number(self, *played: CompiledRule) -> int:
+        """Number the parts of a rule; equal ones have the same numbers on all maps and in all threads."""
+        first = self._count
+        self._count += len(played)
+        known = self.rules[first : self._count]
+        kinds = [[type(one.points) for one in parts] for parts in (played, known)]
+        if known == [*played] and kinds[0] == kinds[1]:
+            return first
+        return super().number(*played)
 
     def list_by_agent(
         self,
@@ -381,15 +392,16 @@ class CoreColumns:
 
     Args:
         states: the state of the games on each map; they share all columns that do not depend on the map.
-        map_of: (games,) the number of the map that each game is on; it may change.
+        map_of: see below.
 
     Attributes:
+        map_of: (games,) the number of the map that each game is on; it may change.
         given: (games, agents) the given actions, as numbers of legal nodes; -1: the agent follows a route.
         start, went, takes_part: (games, agents) the nodes before and after the moves, and whether the agent took part.
         ends: (games, agents) the end nodes of the moves in the current part of a turn.
         wanted: (games, agents) the places that agents stopped by conflicts wanted to reach, as numbered in conflicts.
         held: (games, agents) whether the agent's decision is cancelled.
-        until: (maps, games) the number of parts of turns after which each game on a map stops.
+        until: (games,) the number of parts of turns after which each game stops; 0: it is not played.
         part: (games,) the number of parts played in the current turn.
         over: (games,) whether each game has ended.
         score: (games, teams)
@@ -403,12 +415,11 @@ class CoreColumns:
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
         state = states[0]
         self._state = state
-        self._states = states
-        self._map_of = map_of
+        self.map_of = map_of
         shape = state.node.shape
         self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
         self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
-        self.until = np.zeros((len(states), shape[0]), np.int64)
+        self.until = np.zeros(shape[0], np.int64)
         self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.score = np.zeros((shape[0], len(state.roster.teams)))
@@ -417,14 +428,14 @@ class CoreColumns:
         self.illegal: list[Failure] = []
         self.waiting: set[tuple[int, int]] = set()
         self.noted: CoreEvents | None = None
-        self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
-        self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
+        self.take_states(states)
         self.begin(np.arange(shape[0]))
 
-    def until_of(self, state: GameArrays) -> IntArray:
-        """Return the row of `until` of the map of a state."""
-        found: IntArray = self.until[[one is state for one in self._states].index(True)]
-        return found
+    def take_states(self, states: Sequence[GameArrays]) -> None:
+        """Set the state of the games on each map; see above."""
+        self._states = states
+        self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
+        self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
 
     def begin(self, games: IntArray) -> None:
         """Begin games, whose agents have not moved."""
@@ -484,7 +495,7 @@ class CoreColumns:
         self._end_games(noted, np.flatnonzero(is_end))
         noted = noted.those(~is_end)
         self._note_scores(noted)
-        return noted._replace(nodes=self._ids[self._first[self._map_of[noted.games]] + noted.nodes])
+        return noted._replace(nodes=self._ids[self._first[self.map_of[noted.games]] + noted.nodes])
 
     def _end_games(self, noted: CoreEvents, rows: IntArray) -> None:
         """End games by the events in these rows."""
@@ -533,7 +544,7 @@ class CoreColumns:
         """Note the invalid decisions that the core has found in turns of these numbers."""
         decided = self._state.failures
         for failure, _ in wrong:
-            self._states[self._map_of[failure.game]].tell(failure)
+            self._states[self.map_of[failure.game]].tell(failure)
         if decided:  # by functions, in the same part of a turn
             wrong = sorted([*decided, *wrong], key=_of_failure)
             decided.clear()
@@ -547,7 +558,7 @@ class CoreColumns:
         )
         if kind != _ILLEGAL:
             return Failure.illegal(game, agent, WAITS if kind == _WAITS else NO_DEEDS)
-        by = self._states[self._map_of[game]].movement
+        by = self._states[self.map_of[game]].movement
         if edge < 0:  # it is on a node
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
             return Failure.illegal(game, agent, why)
@@ -712,6 +723,7 @@ class CoreGames:
         game: the game at its start.
         state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
+        number: the number of the map.
         is_apart: whether rules run after all games have moved, because functions are called between them.
         decides: whether these games just decide: no rules and no conflicts are made; see `deciders`.
         past_turns: in a single game, the number of turns after which the places of agents are kept; see `past`.
@@ -733,6 +745,7 @@ class CoreGames:
         game: PlayedGame,
         state: GameArrays,
         block: CoreColumns,
+        number: int = 0,
         *,
         is_apart: bool,
         decides: bool = False,
@@ -763,7 +776,7 @@ class CoreGames:
         self._streets = streets.core_with_all_legal if state.movement.are_all_legal else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
-        self._until = block.until_of(state)
+        self._number = number
         self._here = state.node  # see `note_places`
         self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `last_moves`, while agents arrive
         self._games = np.zeros(0, np.int64)  # that are played
@@ -966,7 +979,7 @@ class CoreGames:
                 movers.sort_kinds()
         self._made[0][1].refuse_unknown_agents()
         if self._by_steps is not None:
-            self._games = np.flatnonzero(self._until)
+            self._games = np.flatnonzero((self._block.until > 0) & (self._block.map_of == self._number))
             self._by_steps.take_memories(self._games)
 
     def _take_roads(self) -> None:
@@ -1117,8 +1130,8 @@ class CoreGames:
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
         at_arrivals = None if travel is None else travel.arrivals
-        flags = self._until.data, state.stop.data
-        return turn.Player(games, movers, at_arrivals, first, *flags, self.past.in_core(state)), making
+        which = block.until.data, memory_of(block.map_of), self._number, state.stop.data
+        return turn.Player(games, movers, at_arrivals, first, *which, self.past.in_core(state)), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return the rule functions, and between them the first rule of each chain of core rules."""

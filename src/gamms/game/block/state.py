@@ -678,6 +678,8 @@ class GameArrays(BatchColumns):
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
         self._take_seeds(games[changed])
+        if self._pool_shares is not None:
+            self._pool_shares[games] = self._draw_shares(games)
         self._seeds = None
         self.now.clear()
         for log in self._logs:
@@ -692,8 +694,6 @@ class GameArrays(BatchColumns):
             keys[games] = kernels.purpose_keys(seeds, purposes)
         for purpose, drawn in self._draw_keys.items():
             drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
-        if self._pool_shares is not None:
-            self._pool_shares[games] = self._draw_shares(games)
 
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:

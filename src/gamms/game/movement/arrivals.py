@@ -135,7 +135,7 @@ class ArrivingAgents:
         )
         games = rules.GameColumns(agents, 0, **{name: columns[name] for name in _OF_GAME})
         at_arrivals = self._arrivals.thread(self._movers, has_end=has_end, chosen=self.chosen.core)
-        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, _NO_PAST)
+        self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, 0, _GOING, _NO_PAST)
         columns["part_of"][:] = array(INT64, [1]) * agents
         columns["edge"][:] = array(INT64, [-1]) * agents
 
