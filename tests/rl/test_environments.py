@@ -220,6 +220,13 @@ def remain(state):
     state["action"] = state["legal"][0]
 
 
+def test_a_reward_gets_zeros_for_a_score_that_no_game_has_set():
+    env = rl.vector_env(scene(), num_games=2, team="red", reward=lambda turn: turn.gains["nothing"] + 1.0)
+    env.reset(seed=1)
+    assert env.step(np.zeros(4, int))[1].tolist() == [1.0] * 4
+    env.close()
+
+
 def test_a_reward_knows_who_has_won_and_why():
     told = []
 

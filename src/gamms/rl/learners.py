@@ -1,5 +1,6 @@
 """The learning agents in the games of a batch: the basis of all environments of this package."""
 
+from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -389,7 +390,8 @@ class Learners:
         outcomes = GameOutcomes(self.games)
         for team, views, views_now, columns in zip(self.teams, before, self._now, self._columns, strict=True):
             for was, now in zip(views, views_now, strict=True):
-                own = {key: numbers[now.games] for key, numbers in gains.items()}
+                none = partial(np.zeros, len(now.games))
+                own = defaultdict(none, {key: numbers[now.games] for key, numbers in gains.items()})
                 turn = Turn(team, was, now, own, outcomes)
                 earned[now.games, columns] += self._checked(self._reward(turn), now, "reward")
 

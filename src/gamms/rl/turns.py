@@ -55,7 +55,7 @@ class Turn(NamedTuple):
         before: the view of its agents before the turn; only the attributes `node` and `mask`, (games, agents), and
             `turn`, (games,), of this view have the old values.
         after: the view of its agents now.
-        gains: key -> (games,) the change of each score.
+        gains: key -> (games,) the change of each score; of a score that no game has set, zeros.
         outcomes: the ends of all games of the batch; use `winner` and `reason` of the turn instead.
     """
 
