@@ -650,7 +650,8 @@ class Batch(Surface, Immutable, NotPickled):
 
         Raises:
             UnknownName (KeyError): no agent plays for the team.
-            BadValue: the map does not exist, or is missing although there are several.
+            BadValue: the map does not exist, or is missing although there are several; or some games on it play other
+                strategies than others, see `gamms.rl.Learners.set_others`.
         """
         return self._view(self._roster.members(team), map)
 

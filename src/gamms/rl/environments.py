@@ -48,7 +48,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     Args:
         scenario: see `gamms.scenario.load`.
         team: the learning team, or several; None: all.
-        others: strategies of other agents and teams, which replace the scenario's.
+        others: strategies of other agents and teams, which replace the scenario's; `env.set_others` changes them.
         observation: maps an `ArrayView` to numbers for the agents of a team, (games, agents, …); None:
             `default_observation`.
         reward: maps a `Turn` to numbers, (games, agents) or (games,); None: the change of the score of the team.
