@@ -44,17 +44,22 @@ def observe(view):
     return np.concatenate([turn, found.reshape(*view.node.shape, -1)], axis=2, dtype=np.float32)
 
 
-def compare(file, iterations=40, num_games=256, held_out=100):
-    """Train a policy on some maps, save it, and evaluate it on others."""
+def learn(file, seed=1, iterations=40, num_games=256):
+    """Train a policy on some maps, and save it; return the share of games won in each iteration."""
     others = {"blue": rl.opponents({"flee": flee, "walk": random_walk}, weights=[3, 1])}
     learner = {"team": "red", "observation": observe, "reward": lambda turn: turn.gains["red"][:, None] - [[0.03] * 2]}
     env = rl.vector_env(PURSUIT, num_games=num_games, others=others, maps=DISTRICTS[:12], **learner)
-    train(env, file, seed=1, iterations=iterations, shared=1)
+    return train(env, file, seed, iterations, shared=1)
+
+
+def compare(file, games=100):
+    """Evaluate a policy on maps that it has not seen."""
     strategies = {"chase": chase, "policy": rl.policy(file, observation=observe)}
-    new = {"maps": DISTRICTS[12:], "games": held_out, "seed": 1_000_000}
+    new = {"maps": DISTRICTS[12:], "games": games, "seed": 1_000_000}
     opponents = {"flee": flee, "exact": exact_evader}
     return rl.evaluate(PURSUIT, strategies, team="red", opponents=opponents, exact=exact_pursuers, **new)
 
 
 if __name__ == "__main__":
+    learn("many_maps.safetensors")
     print(compare("many_maps.safetensors"))

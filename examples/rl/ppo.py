@@ -64,13 +64,17 @@ def advantages(rewards, values, ends, last, gamma=0.99, lam=0.95):
 
 
 def train(env, file, seed, iterations, shared=GLOBALS, turns=32, epochs=3, batches=4):
-    """Train a policy with one seed, save what gives its actions numbers, and close the environment."""
+    """Train a policy with one seed, save what gives its actions numbers, and close the environment.
+
+    Return the share of games caught in each iteration.
+    """
     torch.manual_seed(seed)
     torch.set_num_threads(1)  # small networks are faster so, and the same seed gives the same policy
     policy = Policy(*env.single_observation_space["observation"].shape, env.single_action_space.n, shared)
     optimiser = torch.optim.Adam(policy.parameters(), lr=5e-4, eps=1e-5)
     observed, _ = env.reset()
     began = time.perf_counter()
+    shares = []
     for iteration in range(iterations):
         kept, caught, ended = [], 0, 0
         for _ in range(turns):
@@ -92,6 +96,7 @@ def train(env, file, seed, iterations, shared=GLOBALS, turns=32, epochs=3, batch
                     torch.tensor(ends).float(),
                 )
             )
+        shares.append(caught / max(1, ended))
         observations, masks, actions, logs, values, rewards, ends = (
             torch.stack(column) for column in zip(*kept, strict=True)
         )
@@ -104,12 +109,13 @@ def train(env, file, seed, iterations, shared=GLOBALS, turns=32, epochs=3, batch
                 learn(policy, optimiser, *(one[rows] for one in flat))
         if iteration % 10 == 9 or iteration == iterations - 1:
             print(
-                f"seed {seed}, iteration {iteration + 1}: {caught / max(1, ended):.2f} of {ended // 2} games caught, "
+                f"seed {seed}, iteration {iteration + 1}: {shares[-1]:.2f} of {ended // 2} games caught, "
                 f"{time.perf_counter() - began:.0f} s",
                 flush=True,
             )
     rl.save_policy(policy.score, file, env, shared=shared)
     env.close()
+    return shares
 
 
 def learn(policy, optimiser, observations, masks, actions, logs, gains, returns):

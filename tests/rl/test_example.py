@@ -45,8 +45,10 @@ def test_a_policy_of_the_example_plays_the_same_games_alone_and_in_a_batch(monke
 
 def test_a_policy_of_some_districts_is_evaluated_in_others(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(FOLDER)
-    compare = runpy.run_path(str(FOLDER / "many_maps.py"))["compare"]
-    found = compare(tmp_path / "red.safetensors", iterations=1, num_games=24, held_out=2)
+    example = runpy.run_path(str(FOLDER / "many_maps.py"))
+    shares = example["learn"](tmp_path / "red.safetensors", iterations=1, num_games=24)
+    assert len(shares) == 1
+    found = example["compare"](tmp_path / "red.safetensors", games=2)
     assert len(found.rows) == 6 * 3 * 2 * 2
     assert {row["strategies.red"] for row in found.rows} == {"chase", "policy", "exact"}
     assert {row["winner"] for row in found.rows if row["strategies.red"] == "exact"} == {"red"}

@@ -2,8 +2,12 @@
 
 import gc
 import pickle
+import re
+import runpy
+import sys
 import weakref
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -330,3 +334,16 @@ def test_contexts_and_recordings_of_games_have_their_own_opponents(tmp_path):
                 state = recording.state(3).agents
                 placed = dict(zip(state["name"].tolist(), state["node"].tolist(), strict=True))
             assert {name: placed[name] for name in nodes} == nodes
+
+
+def test_the_example_of_self_play_brackets_the_exact_value(monkeypatch, capsys):
+    file = Path(__file__).parents[2] / "examples" / "rl" / "self_play.py"
+    monkeypatch.setattr(sys, "argv", [str(file), "--quick"])
+    example = runpy.run_path(str(file), run_name="__main__")
+    exact, *gaps = [
+        [float(one) for one in re.findall(r"\d\.\d+", line)] for line in capsys.readouterr().out.splitlines()
+    ]
+    assert len(gaps) == 2
+    assert all(least <= exact[0] <= most for least, most, _ in gaps)
+    (most, least), again = [next(example["play_itself"](1, seed=3)) for _ in range(2)]
+    assert (most, least) == again
