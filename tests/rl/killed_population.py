@@ -1,20 +1,35 @@
-"""A population whose process is killed while its games are played."""
+"""A population whose process is killed while games are played, or a policy is trained."""
 
 import os
 import signal
 import sys
 
-from test_populations import population
+from test_populations import grown
 
 from gamms.experiment.folders import Journal
+from gamms.rl import populations
 
 add = Journal.add
+save = populations.save_policy
+moment, folder = sys.argv[1:]
+
+
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def add_and_die(self, rows):
     add(self, rows)
-    os.kill(os.getpid(), signal.SIGKILL)
+    if moment == "games of a response" and any("learn" in str(row) for row in rows):
+        die()
+
+
+def die_or_save(network, path, env):
+    if moment == "training" and "blue" in path.parts:
+        die()
+    save(network, path, env)
 
 
 Journal.add = add_and_die
-population(games=8, out=sys.argv[1]).payoffs  # noqa: B018 - which is computed here
+populations.save_policy = die_or_save
+grown(folder)

@@ -4,13 +4,15 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import safetensors.numpy
 
 from gamms import experiment, rl
-from gamms.errors import BadValue, Duplicate, UnknownName
+from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
 from gamms.scenario import Scenario
 from gamms.strategies import chase, flee, random_walk, stay
 
@@ -98,25 +100,99 @@ def test_a_learned_response_is_a_lower_bound_that_is_trained_once(tmp_path):
     learner = always(0)
     found = population(out=tmp_path, learner=learner, env={"num_games": 2})
     first = found.responses("red", "learn")
-    assert (first.name, first.bound) == ("learn 2", "lower")
+    assert (first.name, first.bound) == ("learn 2 to nash of 2", "lower")
     found.add("red", first)
     shares = list(found.weights("blue").values())
     assert found.payoffs[2] @ shares == pytest.approx(first.value)
     second = found.responses("red", "learn")
-    assert second.name == "learn 3"
-    assert [None if one is None else one.name for one in learner.starts] == [None, "learn 2.safetensors"]
+    assert second.name == "learn 3 to nash of 2"
+    assert [None if one is None else one.stem for one in learner.starts] == [None, first.name]
     again = population(out=tmp_path, learner=None)
     assert again.responses("red", "learn").value == first.value, "its policy is in the folder"
     assert population(out=tmp_path, learner=always(1)).exploitability("learn") >= -1.0
 
 
-def test_a_population_that_was_killed_goes_on_to_the_same_rows(tmp_path):
-    whole = population(games=8)
-    program = [sys.executable, str(Path(__file__).with_name("killed_population.py")), str(tmp_path)]
+def test_a_response_to_another_mixture_is_another_policy():
+    learner = always(0)
+    found = population(learner=learner, env={"num_games": 2})
+    to_nash, to_last = (found.responses("red", "learn", to=to) for to in ("nash", "last"))
+    found.add("blue", random_walk)
+    later = found.responses("red", "learn")
+    assert len({to_nash.name, to_last.name, later.name}) == 3
+    assert learner.starts == [None, None, None], "none of them is a member"
+
+
+def grown(out):
+    """A population that has learned for two rounds."""
+    found = population(out=out, learner=always(0), env={"num_games": 2}, games=1)
+    for _ in range(2):
+        for team, response in [(team, found.responses(team, "learn")) for team in found.teams]:
+            found.add(team, response)
+    return found
+
+
+@pytest.mark.parametrize("moment", ["training", "games of a response"])
+def test_a_population_that_was_killed_goes_on_to_the_same_rows(moment, tmp_path):
+    program = [sys.executable, str(Path(__file__).with_name("killed_population.py")), moment, str(tmp_path / "killed")]
     ended = subprocess.run(program, check=False, cwd=Path(__file__).parent, env=os.environ.copy())
     assert ended.returncode == -signal.SIGKILL
-    assert (tmp_path / "games").is_dir()
-    assert population(games=8, out=tmp_path).rows.sha256() == whole.rows.sha256()
+    assert (tmp_path / "killed" / "games").is_dir()
+    again, whole = (grown(tmp_path / name) for name in ("killed", "whole"))
+    assert again.rows.sha256() == whole.rows.sha256()
+    policies = [sorted((tmp_path / name / "policies").rglob("*.safetensors")) for name in ("killed", "whole")]
+    assert [file.read_bytes() for file in policies[0]] == [file.read_bytes() for file in policies[1]]
+
+
+def test_responses_to_wins_are_rewarded_by_wins():
+    def learn(env, start):
+        env.reset(seed=0)
+        for _ in range(20):
+            _, rewards, *_ = env.step(np.zeros(2, int))
+            found.append(rewards)
+        return always(0)(env, start)
+
+    found = []
+    both = {"red": [chase], "blue": [stay]}
+    played = rl.Population(scene(), both, metric="wins.red", learner=learn, env={"num_games": 2}, games=1)
+    played.responses("blue", "learn")
+    assert set(np.concatenate(found).tolist()) == {0.0, -1.0}, "red catches who stays, and blue pays"
+
+
+def test_the_learner_by_ppo_needs_pytorch(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(MissingExtra, match=r"rl\.ppo_learner needs an optional library \(extra 'torch'\)"):
+        rl.ppo_learner(None)
+
+
+def test_ppo_learns_to_catch_who_stays_and_goes_on_from_its_last_policy(tmp_path):
+    pytest.importorskip("torch", reason='PyTorch is not installed: pip install ".[torch]"')
+    learner = partial(rl.ppo_learner, steps=8_000, seed=1)
+    found = [population(out=tmp_path / name, learner=learner, games=8) for name in "ab"]
+    caught = [one.responses("red", "learn", to="last") for one in found]
+    assert [(one.value, one.bound) for one in caught] == [(1.0, "lower")] * 2
+    files = [tmp_path / name / "policies" / "red" / f"{caught[0].name}.safetensors" for name in "ab"]
+    assert files[0].read_bytes() == files[1].read_bytes(), "the same seeds give the same network"
+    env = rl.vector_env(scene(), num_games=4, team="red", others={"blue": stay})
+    with pytest.raises(BadValue, match="has other layers"):
+        rl.ppo_learner(env, files[0], width=16)
+    on = rl.ppo_learner(env, files[0], steps=1, rate=0.0)
+    rl.save_policy(on, tmp_path / "on.safetensors", env)
+    weights = [safetensors.numpy.load_file(file) for file in (files[0], tmp_path / "on.safetensors")]
+    assert all((weights[0][name] == weights[1][name]).all() for name in weights[0])
+    env.close()
+
+
+def test_ppo_learns_deeds_and_refuses_agents_that_fly():
+    pytest.importorskip("torch", reason='PyTorch is not installed: pip install ".[torch]"')
+    deeds = scene().replace(settings={"deeds": {"rest": None, "call": {"whom": "agent"}}})
+    env = rl.vector_env(deeds, num_games=4, team="red", others={"blue": stay}, mask="info")
+    network = rl.ppo_learner(env, steps=1)
+    assert network[-1].out_features == env.single_action_space.nvec.sum()
+    env.close()
+    env = rl.vector_env(scene().replace(**{"teams.red.type": "aerial", "teams.red.speed": 8}), num_games=1, team="red")
+    with pytest.raises(BadValue, match="agents that fly"):
+        rl.ppo_learner(env)
+    env.close()
 
 
 def test_wrong_arguments_of_a_population_are_refused_by_name():

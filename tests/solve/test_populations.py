@@ -46,13 +46,18 @@ def moves_to(*nodes):
 def test_the_exploitability_of_a_population_falls_to_0_and_its_value_to_that_of_the_game(name):
     game = GAMES[name]
     population = rl.Population(game, {team: [stay] for team in game.spec.teams}, exact=best_response, games=1)
+    value = solve(game).value
     for _ in range(20):
-        if population.exploitability() < 0.02:
+        responses = {team: population.responses(team) for team in population.teams}
+        high, low = (sign * found.value for sign, found in zip((1.0, -1.0), responses.values(), strict=True))
+        assert low - 1e-9 <= value <= high + 1e-9
+        if high - low < 0.04:
             break
-        for team, found in [(team, population.responses(team)) for team in population.teams]:
+        for team, found in responses.items():
             population.add(team, found)
-    assert population.exploitability() == pytest.approx(0.0, abs=0.02)
-    assert matrix_game(population.payoffs).value == pytest.approx(solve(game).value, abs=0.02)
+    assert population.interval() == (low, high)
+    assert (high - low) / 2.0 == pytest.approx(0.0, abs=0.02)
+    assert matrix_game(population.payoffs).value == pytest.approx(value, abs=0.02)
 
 
 @pytest.mark.parametrize("order", [None, [["red"], ["blue"]], [["blue"], ["red"]]])

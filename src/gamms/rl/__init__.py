@@ -22,7 +22,7 @@ from gamms.rl.learners import Learners, Observation, Reward, default_observation
 from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import opponents, policy, save_policy
-from gamms.rl.populations import Population
+from gamms.rl.populations import Population, ppo_learner
 from gamms.rl.turns import Turn
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "opponents",
     "parallel_env",
     "policy",
+    "ppo_learner",
     "save_policy",
     "sb3_env",
     "single_agent_env",

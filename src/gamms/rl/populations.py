@@ -1,29 +1,41 @@
-"""Populations: strategies of two teams, their payoffs against each other, and responses to mixtures of them."""
+"""Populations: strategies of two teams, their payoffs against each other, and responses to mixtures of them.
+
+`ppo_learner`, at the end, is a learner of responses.
+"""
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from weakref import finalize
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_known, as_mapping, as_path
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_known, as_mapping, as_path
 from gamms.errors import BadValue, Duplicate
 from gamms.experiment import Rows, run
 from gamms.experiment.games import Row
 from gamms.experiment.rows import read_metric
 from gamms.ir.graph import FloatArray
+from gamms.plugins import needing
 from gamms.rl.environments import vector_env
 from gamms.rl.evaluation import name_maps
+from gamms.rl.learners import Reward
 from gamms.rl.policies import opponents, policy, save_policy
-from gamms.rl.turns import gain_lead
+from gamms.rl.turns import Turn, gain_lead
 from gamms.scenario import Scenario
 from gamms.strategies.pool import list_pool_members
 from gamms.text import shown
+
+if TYPE_CHECKING:
+    from torch import Tensor, nn
+    from torch.distributions import Categorical
+
+    from gamms.rl.gym_envs import GamesEnv
 
 Learner = Callable[[Any, Path | None], Any]
 """Trains in an environment, from the saved policy of the last training or from None; returns a network."""
@@ -65,11 +77,11 @@ class Population:
         games: the number of games of each pair on each map, with the seeds `seed`, `seed + 1`, …
         seed: the first seed, which is also that of responses.
         metric: the payoff of the first team, which the other one pays: `wins.<team>`, or a column of numbers; None: its
-            lead in score.
+            lead in score. A learner gets it as reward, but for other columns, which need `env={"reward": …}`.
         exact: the function that responds exactly, `gamms.solve.best_response` or one with its keywords; it must count
             what `metric` counts.
-        learner: the function that trains, `(env, start) -> network`: `env` is a `vector_env`, `start` the path of the
-            policy that the team trained last, or None; see `save_policy` for networks.
+        learner: the function that trains, `(env, start) -> network`, such as `ppo_learner`: `env` is a `vector_env`,
+            `start` the path of the policy that the team trained last, or None; see `save_policy` for networks.
         env: more options of `vector_env`, such as `num_games` and `observation`.
         workers: the number of worker processes that play; None: play in this process.
 
@@ -251,10 +263,11 @@ class Population:
         """
         other = self._other_of(team)
         respond = self._respond_exactly if as_choice(by, "by", ("exact", "learn")) == "exact" else self._train
-        return respond(team, f"{by} {len(self._members[team])}", other, to)
+        number, others = len(self._members[team]), len(self._members[other])
+        return respond(team, f"{by} {number} to {to} of {others}", other, to)
 
     def exploitability(self, by: Literal["exact", "learn"] = "exact", to: Mix = "nash") -> float:
-        """Return half the sum of the values of both teams' responses: 0 in equilibrium, if payoffs add up to 0.
+        """Return half the width of `interval`: 0 in equilibrium.
 
         With `by="learn"` it is a lower bound, up to the errors of the means over games.
 
@@ -265,7 +278,24 @@ class Population:
         Raises:
             BadValue: see `responses`.
         """
-        return sum(self.responses(team, by, to).value for team in self.teams) / 2.0
+        low, high = self.interval(by, to)
+        return (high - low) / 2.0
+
+    def interval(self, by: Literal["exact", "learn"] = "exact", to: Mix = "nash") -> tuple[float, float]:
+        """Return what the first team gets against the best response to its mixture, and by its own best response.
+
+        The value of the game lies between these numbers if responses are exact and one team pays the other. Learned
+        responses may be worse than the best ones, so that their interval may be too narrow to contain it.
+
+        Args:
+            by: see `responses`.
+            to: see `weights`.
+
+        Raises:
+            BadValue: see `responses`.
+        """
+        first, second = (self.responses(team, by, to).value for team in self.teams)
+        return -second + 0.0, first
 
     def _other_of(self, team: Hashable) -> Hashable:
         """Return the other team."""
@@ -297,11 +327,11 @@ class Population:
         """Train a policy against a mixture, and save it."""
         if self._learner is None:
             raise BadValue("This population has no learner: give learner=, a function (env, start) -> network.")
-        earlier = [f"learn {number}" for number in range(len(self._members[team]))]
-        starts = [path.with_name(f"{name}.safetensors") for name in earlier if name in self._members[team]]
+        files = [path.with_name(f"{name}.safetensors") for name in self._members[team]]
+        starts = [file for file in files if file.exists()]
         options: dict[str, Any] = {
             "num_games": _GAMES,
-            "reward": gain_lead if self._metric is None else None,
+            "reward": self._reward_of(team),
             "maps": list(self._maps.values()) or None,
             "seed": self._seeds[0],
         }
@@ -314,7 +344,198 @@ class Population:
         finally:
             env.close()
 
+    def _reward_of(self, team: Hashable) -> Reward | None:
+        """Return the reward with which a team learns; None: the change of its score."""
+        if self._metric is None:
+            return gain_lead
+        kind, _, winner = self._metric.partition(".")
+        if kind != "wins":
+            return None
+        return partial(_pay_winner, winner=winner, pays=1.0 if team == self.teams[0] else -1.0)
+
+
+def _pay_winner(turn: Turn, winner: str, pays: float) -> FloatArray:
+    """Return the reward of a team in games that a team wins in this turn, (games,)."""
+    return pays * np.array([one is not None and str(one) == winner for one in turn.winner], np.float64)
+
 
 def _name_strategies(given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Any]:
     """Return name -> strategy; as in `gamms.strategies.pool`, functions have their own names."""
     return {one.name: one.strategy for one in list_pool_members(opponents(given))}
+
+
+# -- a learner ----------------------------------------------------------------------------------------------------
+
+_TURNS = 32  # turns of all games between two updates
+_EPOCHS = 4  # passes over these turns in an update
+_BATCHES = 4  # steps of a pass
+_CLIP = 0.2  # the most by which a probability may change in an update, as a share of it
+_SMOOTHING = 0.95  # lambda of generalized advantage estimation
+_ENTROPY = 0.01  # the weight of the entropy in the loss
+
+
+def ppo_learner(
+    env: "GamesEnv",
+    start: str | os.PathLike[str] | None = None,
+    *,
+    steps: int = 100_000,
+    seed: int = 0,
+    width: int = 64,
+    rate: float = 1e-3,
+    discount: float = 0.99,
+) -> "nn.Sequential":
+    """Train a policy by proximal policy optimization (Schulman et al. 2017), and return its network.
+
+    It is a learner for `Population`, which gives it the environment and the start: `learner=rl.ppo_learner`, or
+    `functools.partial(rl.ppo_learner, steps=300_000)`. All agents of the team play the same network. Agents that wait
+    in a vector environment are not learned from, and the last turn of a game counts as its end, as it does for payoffs.
+    It computes on one thread of the CPU, so that the same seeds give the same network on the same machine.
+
+    Args:
+        env: a `vector_env` of agents on the ground, which it plays and leaves open.
+        start: a policy of such a network, with which training starts; None: random weights.
+        steps: the actions of agents to learn from.
+        seed: the seed of weights, actions and batches.
+        width: the number of units in each of two hidden layers.
+        rate: the learning rate, which falls to 0.
+        discount: the weight of a reward one turn later.
+
+    Returns:
+        The network, an `nn.Sequential` of PyTorch for `save_policy`.
+
+    Raises:
+        BadType, BadValue: an argument is impossible, the agents fly, or `start` has other layers.
+        MissingExtra (ImportError): PyTorch is not installed.
+    """
+    with needing("rl.ppo_learner", "torch"):
+        import torch
+    space = env.single_action_space
+    if not hasattr(space, "n") and not hasattr(space, "nvec"):
+        raise BadValue(f"rl.ppo_learner learns moves and deeds, not {space}: write a learner for agents that fly.")
+    iterations = -(-as_count(steps, "steps") // (_TURNS * env.num_envs))
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(as_int(seed, "seed"))
+            agent = _PolicyTrainer(env, as_count(width, "width"), as_float(discount, "discount"))
+            if start is not None:
+                agent.load(as_path(start, "start"))
+            optimizer = torch.optim.Adam([*agent.actor.parameters(), *agent.critic.parameters()], eps=1e-5)
+            for iteration in range(iterations):
+                optimizer.param_groups[0]["lr"] = rate * (1.0 - iteration / iterations)
+                samples = agent.play()
+                for _ in range(_EPOCHS):
+                    for rows in torch.randperm(len(samples[0])).chunk(_BATCHES):
+                        optimizer.zero_grad()
+                        agent.loss(*(column[rows] for column in samples)).backward()
+                        torch.nn.utils.clip_grad_norm_(agent.actor.parameters(), 0.5)
+                        optimizer.step()
+    finally:
+        torch.set_num_threads(threads)
+    return agent.actor
+
+
+class _PolicyTrainer:
+    """The actor and the critic of `ppo_learner`, and the games in which they play.
+
+    Attributes:
+        actor: gives a number for each move, followed by one for each deed.
+        critic: gives the expected sum of rewards.
+    """
+
+    def __init__(self, env: "GamesEnv", width: int, discount: float) -> None:
+        from torch import nn
+
+        self._env = env
+        self._discount = discount
+        self._observed, _ = env.reset()
+        space = env.single_action_space
+        self._sizes = [int(one) for one in getattr(space, "nvec", [getattr(space, "n", 0)])]  # moves, and deeds
+        entries = self._read()[0].shape[1]
+
+        def make(outputs: int) -> "nn.Sequential":
+            hidden = [nn.Linear(entries, width), nn.Tanh(), nn.Linear(width, width), nn.Tanh()]
+            return nn.Sequential(*hidden, nn.Linear(width, outputs))
+
+        self.actor = make(sum(self._sizes))
+        self.critic = make(1)
+        nn.init.orthogonal_(self.actor[-1].weight, 0.01)  # at first, all actions are as likely
+
+    def load(self, start: Path) -> None:
+        """Take the weights of the actor from a saved policy."""
+        from safetensors.torch import load_file
+
+        try:
+            self.actor.load_state_dict(load_file(start))
+        except RuntimeError as error:
+            raise BadValue(f"Training cannot start with {start}, which has other layers: {error}") from None
+
+    def _read(self) -> tuple["Tensor", "Tensor"]:
+        """Return the observations, (slots, entries), and the masks of actions, (slots, actions), as tensors."""
+        import torch
+
+        observed = self._observed["observation"] if isinstance(self._observed, dict) else self._observed
+        rows = torch.tensor(observed, dtype=torch.float32).flatten(1)
+        return rows, torch.tensor(np.asarray(self._env.action_masks()), dtype=torch.bool)
+
+    def _choices(self, observations: "Tensor", masks: "Tensor") -> list["Categorical"]:
+        """Return the distributions of moves and of deeds."""
+        from torch.distributions import Categorical
+
+        logits = self.actor(observations).masked_fill(~masks, -1e9).split(self._sizes, dim=1)
+        return [Categorical(logits=one) for one in logits]
+
+    def play(self) -> list["Tensor"]:
+        """Play some turns; return the samples: observations, masks, actions, log-probabilities, gains and returns."""
+        import torch
+
+        played = []
+        with torch.no_grad():
+            for _ in range(_TURNS):
+                observations, masks = self._read()
+                choices = self._choices(observations, masks)
+                actions = torch.stack([one.sample() for one in choices], dim=1)
+                logs = _log_probability(choices, actions)
+                given = actions.numpy() if len(choices) > 1 else actions[:, 0].numpy()
+                self._observed, rewards, terminated, truncated, infos = self._env.step(given)
+                results = (rewards, terminated | truncated, infos["valid"])
+                outcome = [torch.tensor(np.asarray(one), dtype=torch.float32) for one in results]
+                values = self.critic(observations)[:, 0]
+                played.append((observations, masks, actions, logs, values, *outcome))
+            last = self.critic(self._read()[0])[:, 0]
+        *columns, values, rewards, ends, valid = (torch.stack(column) for column in zip(*played, strict=True))
+        gains = torch.zeros_like(values)
+        later = torch.zeros_like(last)
+        for turn in reversed(range(_TURNS)):  # generalized advantage estimation (Schulman et al. 2016)
+            goes_on = self._discount * (1.0 - ends[turn])
+            later = rewards[turn] + goes_on * (last + _SMOOTHING * later) - values[turn]
+            gains[turn] = later
+            last = values[turn]
+        took_part = valid.flatten() > 0
+        return [one.flatten(0, 1)[took_part] for one in (*columns, gains, gains + values)]
+
+    def loss(
+        self,
+        observations: "Tensor",
+        masks: "Tensor",
+        actions: "Tensor",
+        logs: "Tensor",
+        gains: "Tensor",
+        returns: "Tensor",
+    ) -> "Tensor":
+        """Return the loss of PPO for some samples."""
+        import torch
+
+        choices = self._choices(observations, masks)
+        ratio = (_log_probability(choices, actions) - logs).exp()
+        scaled = (gains - gains.mean()) / (gains.std(correction=0) + 1e-8)
+        surrogate = torch.minimum(ratio * scaled, ratio.clamp(1.0 - _CLIP, 1.0 + _CLIP) * scaled).mean()
+        error = (self.critic(observations)[:, 0] - returns).pow(2).mean()
+        entropy = sum(one.entropy().mean() for one in choices)
+        return 0.5 * error - surrogate - _ENTROPY * entropy
+
+
+def _log_probability(choices: list["Categorical"], actions: "Tensor") -> "Tensor":
+    """Return the logarithms of the probabilities of actions, (rows,)."""
+    return sum(one.log_prob(actions[:, head]) for head, one in enumerate(choices))
