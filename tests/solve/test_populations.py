@@ -7,6 +7,7 @@ from solved_games import PURSUIT, made, scene, simultaneous
 
 from gamms import rl
 from gamms.errors import BadValue
+from gamms.scenario import Scenario
 from gamms.solve import best_response, matrix_game, solve
 from gamms.strategies import pool, random_walk, stay
 
@@ -58,6 +59,27 @@ def test_the_exploitability_of_a_population_falls_to_0_and_its_value_to_that_of_
     assert population.interval() == (low, high)
     assert (high - low) / 2.0 == pytest.approx(0.0, abs=0.02)
     assert matrix_game(population.payoffs).value == pytest.approx(value, abs=0.02)
+
+
+def test_the_gap_of_a_pursuit_in_which_all_move_at_once_falls_within_eight_rounds():
+    nodes = {"red": 0, "blue": 5}
+    teams = {team: {"agents": [{"name": team, "node": node}]} for team, node in nodes.items()}
+    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate", "score": 1}}]
+    grid = {"grid": {"rows": 4, "columns": 4}}
+    game = Scenario(map=grid, teams=teams, rules=rules, max_turns=4, settings={"information": "full"})
+    population = rl.Population(game, {team: [stay] for team in nodes}, exact=best_response, games=1)
+    value = solve(game).value
+    gaps = []
+    for _ in range(9):
+        responses = {team: population.responses(team) for team in nodes}
+        high, low = responses["red"].value, -responses["blue"].value
+        assert low - 1e-9 <= value <= high + 1e-9
+        gaps.append(high - low)
+        if gaps[-1] < 1e-9:
+            break
+        for team, found in responses.items():
+            population.add(team, found)
+    assert gaps[-1] < gaps[0]
 
 
 @pytest.mark.parametrize("order", [None, [["red"], ["blue"]], [["blue"], ["red"]]])
