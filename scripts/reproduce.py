@@ -56,6 +56,7 @@ LONGER = {  # what takes long or needs other environments: only when asked for
     "gains": ["benchmarks/planning.py", "gains"],
     "budgets": ["benchmarks/planning.py", "budget", "--seconds", "0.02", "0.05", "0.2", "--games", "500"],
     "large": ["benchmarks/solve.py", "large"],
+    "populations": ["benchmarks/populations.py"],
 }
 
 
