@@ -1,6 +1,6 @@
 """Populations of a pursuit in which both teams move at once: the gap after each round, measured exactly.
 
-    python benchmarks/populations.py                            # all, a quarter of an hour; needs PyTorch
+    python benchmarks/populations.py                            # all; needs PyTorch
     python benchmarks/populations.py --games grid --methods "exact nash" "learn nash"
 
 One pursuer and one evader on a board of 4 x 4, who see each other; a point for a catch. Both populations begin with
