@@ -287,3 +287,18 @@ def test_infos_say_on_which_map_games_are():
         assert [maps[number] for number in infos["map"]] == infos["map_spec"].tolist()
         *_, infos = games.step(np.zeros(30, np.int64))
     games.close()
+
+
+def test_gains_are_0_for_scores_that_no_game_has_set():
+    asked = []
+
+    def reward(turn):
+        asked.append(turn.gains["nothing"].tolist())
+        return turn.gains["red"]
+
+    env = rl.vector_env(scene(), num_games=3, team="red", reward=reward)
+    env.reset(seed=1)
+    _, rewards, *_ = env.step(np.zeros(env.num_envs, np.int64))
+    assert asked == [[0.0, 0.0, 0.0]]
+    assert rewards.shape == (env.num_envs,)
+    env.close()

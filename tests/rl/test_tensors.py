@@ -34,6 +34,15 @@ def test_torchrl_finds_no_fault_in_the_specs(team):
     env.close()
 
 
+def test_specs_of_one_game_have_no_axis_of_games():
+    env = rl.torchrl_env(scene(), num_games=6)
+    spec = env.full_observation_spec_unbatched
+    assert spec["blue", "mask"].shape == (3,)
+    assert spec["blue", "action_mask"].shape == (3, 5)
+    assert env.full_done_spec_unbatched["red", "done"].shape == (2, 1)
+    env.close()
+
+
 def test_groups_are_teams_of_games_and_agents():
     env = rl.torchrl_env(scene(), num_games=6)
     assert env.group_map == {"blue": ["blue_0", "blue_1", "blue_2"], "red": ["red_0", "red_1"]}

@@ -59,7 +59,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             refuse_mixed(learners, range(first, first + len(members)), f"the group {team!r} of torchrl_env")
             masks = {
                 "action_mask": Binary(shape=(*size, sum(sizes)), dtype=torch.bool),
-                "mask": Binary(shape=size, dtype=torch.bool),
+                "mask": Categorical(2, shape=size, dtype=torch.bool),  # not Binary, whose last axis cannot be indexed
             }
             if learners.flies[first]:
                 del masks["action_mask"]
