@@ -10,7 +10,7 @@ CORE := setup.py src/gamms/core $(wildcard src/gamms/core/*.py src/gamms/core/*.
 CORE_TESTS := tests/core tests/kernels tests/rules
 LAWS := $(CORE_TESTS) tests/batch tests/game
 
-.PHONY: demo test test-core test-torch check bench docs figures format release-check lowest reproduce clean
+.PHONY: demo test test-core test-torch neighbors check bench docs figures format release-check lowest reproduce clean
 
 demo: $(VENV)/.demo
 	@$(BIN)/gamms --version
@@ -42,6 +42,10 @@ SANITIZED = PYTHONPATH=build/sanitized GAMMS_CORE=compiled PYTHONMALLOC=malloc A
 test-torch: $(VENV)/.dev
 	$(PIP) -e '.[torch,torchrl,train,onnx]' onnx
 	$(BIN)/python -m pytest -q tests/rl
+
+# The pages about TorchRL, BenchMARL, RLlib and OpenSpiel, followed in empty environments: they install gigabytes and train.
+neighbors: $(BIN)/python
+	$(BIN)/python scripts/check_neighbors.py
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

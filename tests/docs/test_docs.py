@@ -235,6 +235,18 @@ def test_every_old_import_path_is_on_the_page_about_compatibility():
     assert not missing
 
 
+@pytest.mark.parametrize("name", ["torchrl", "benchmarl", "rllib", "openspiel"])
+def test_a_page_about_another_library_shows_parts_of_its_program_and_what_it_prints(name):
+    page = DOCS / "howto" / f"{name}.md"
+    commands, printed = re.search(r"```bash\n(.*?)```\n\n```text\n(.*?)```", page.read_text(), re.DOTALL).groups()
+    program = (ROOT / commands.split()[-1]).read_text(encoding="utf-8")
+    squeezed = re.sub(r"\s+", " ", program)
+    shown = [re.sub(r"\s+", " ", fence.code).strip() for fence in pages.fences_of(page)]
+    assert shown
+    assert not [code for code in shown if code not in squeezed]
+    assert "wins" in printed
+
+
 def test_every_pinned_output_belongs_to_an_example():
     pinned = {path.stem for path in (ROOT / "examples").glob("*.out")}
     assert pinned <= {path.stem for path in EXAMPLES}
