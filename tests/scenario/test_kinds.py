@@ -85,7 +85,17 @@ def test_all_that_is_offered_has_a_kind():
     """Strategies and rules that get another annotation would be refused where they belong."""
     kinds = {name: kind_of(one, first_of(one)) for module in OFFERED for name, one in offered(module).items()}
     others = {name for name, kind in kinds.items() if kind is None}
-    assert others == {"Conflicts", "Contact", "Contest", "contacts", "one_to_one", "by_distance", "halves", "closeness"}
+    assert others == {
+        "Conflicts",
+        "Contact",
+        "Contest",
+        "contacts",
+        "one_to_one",
+        "by_distance",
+        "halves",
+        "closeness",
+        "district",
+    }
     resolvers = {name for name, kind in kinds.items() if kind == "resolver"}
     assert resolvers == {"at_random", "by_priority", "by_rank", "nobody"}
     assert {kinds[name] for name in offered("gamms.strategies")} == {"strategy", "team strategy"}

@@ -1,8 +1,10 @@
 """The benchmark suite: fixed tasks, and what a strategy achieves on them."""
 
+import hashlib
 import json
 import os
 
+import networkx as nx
 import pytest
 from typer.testing import CliRunner
 
@@ -28,7 +30,7 @@ def test_there_are_ten_tasks_of_five_kinds_on_two_maps():
     assert [name.rpartition("-")[0] for name in names] == [
         f"{kind}-{map}" for map in suite.MAPS for kind in suite.KINDS
     ]
-    with pytest.raises(BadValue, match="no version 9 of the suite; the last one is 1"):
+    with pytest.raises(BadValue, match="no version 9 of the suite; there are the versions 1 and 2"):
         suite.tasks(9)
 
 
@@ -46,7 +48,7 @@ def test_the_tasks_are_those_that_the_generator_draws():
         for kind in suite.KINDS:
             drawn = suite.generate(kind, map, seed=1)
             played = drawn.team, drawn.opponent, drawn.opponents, list(range(20)), f"wins.{drawn.team}"
-            made.append(protocol._named(suite.Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
+            made.append(protocol.with_digest(suite.Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
     assert made == suite.tasks()
 
 
@@ -108,6 +110,58 @@ def test_the_results_of_a_baseline_are_those_of_its_games():
     }
 
 
+def test_districts_have_60_to_150_junctions_and_are_connected():
+    train, test = (suite.districts(part) for part in ("train", "test"))
+    assert {name.rpartition("_")[0] for name in train} == {*suite.CITIES["train"]}
+    assert {name.rpartition("_")[0] for name in test} == {*suite.CITIES["test"]}
+    for name in [*train, *test]:
+        streets = suite.district(name)
+        assert 60 <= len(streets) <= 150
+        assert [*streets] == [*range(len(streets))]
+        assert nx.is_strongly_connected(streets)
+        assert "OpenStreetMap" in streets.graph["attribution"]
+    with pytest.raises(UnknownName, match="Did you mean 'monaco_1'"):
+        suite.district("monaco1")
+    with pytest.raises(BadValue, match="part must be 'train' or 'test'"):
+        suite.districts("trian")
+
+
+def test_districts_never_change():
+    files = sorted((protocol._DATA / "districts").glob("*.gamms"))
+    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    assert (len(files), digest) == (31, "61c9680a44d83a6db8970f295c4485a04aff9fee23519734908498940097368c")
+
+
+def test_tasks_of_version_2_order_their_baselines_with_intervals_apart():
+    pinned = suite.references(2)
+    names = zip(pinned["task"].tolist(), pinned["baseline"].tolist(), strict=True)
+    found = {key: tuple(pinned[name][row] for name in ("low", "mean", "high")) for row, key in enumerate(names)}
+    for task in suite.tasks(2):
+        assert {name for of, name in found if of == task.name} == {*task.baselines}
+        chase, exact = found[task.name, "chase"], found[task.name, "exact"]
+        assert max(found[task.name, name][2] for name in ("stay", "random_walk")) < chase[0]
+        assert chase[2] < exact[0]
+        assert 0.2 <= chase[1] <= 0.8
+
+
+def test_a_part_of_the_results_of_version_2_is_played_again():
+    task = suite.tasks(2)[1]
+    results = suite.run("chase", only=[task.name], version=2)
+    rows = results.rows[task.name]
+    assert {row["map"] for row in rows} == {*task.maps}
+    assert {row["opponent.blue"] for row in rows} == {"exact", "flee", "safest_exit"}
+    pinned = suite.references(2)
+    (stored,) = [
+        row
+        for row, pair in enumerate(zip(pinned["baseline"].tolist(), pinned["task"].tolist(), strict=True))
+        if pair == ("chase", task.name)
+    ]
+    table = results.table
+    assert {name: table[name].tolist()[0] for name in table if name != "replay"} == {
+        name: column.tolist()[stored] for name, column in pinned.items() if name != "baseline"
+    }
+
+
 def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "players.py").write_text("def stay(state):\n    state['action'] = state['curr_pos']\n")
@@ -117,6 +171,15 @@ def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
     assert "pursuit-grid-c0505f71      6      2       0" in done.stdout
     assert json.loads((tmp_path / "gamms-suite" / "table.json").read_text())["games"] == [6]
     assert (tmp_path / "gamms-suite" / "pursuit-grid-c0505f71.ggr").exists()
+
+
+def test_the_command_plays_version_2(tmp_path):
+    task = suite.tasks(2)[2]
+    given = ["suite", "follow_belief", "--version", "2", "--only", task.name, "--seeds", "0:1", "--workers", "0"]
+    done = CliRunner().invoke(cli.app, [*given, "--out", str(tmp_path / "new")], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert f"{task.name}      3      1       0" in done.stdout
+    assert (tmp_path / "new" / f"{task.name}.ggr").exists()
 
 
 def test_the_command_names_errors_of_a_strategy_of_a_package(tmp_path, monkeypatch):

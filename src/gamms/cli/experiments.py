@@ -164,7 +164,7 @@ def suite(
     strategy: Annotated[
         str,
         typer.Argument(
-            help="Code, mine.py:strategy; a baseline: scripted, random_walk, stay; or references: all of these.",
+            help="Code, mine.py:strategy; a baseline, such as random_walk; or references: all baselines.",
             metavar="STRATEGY",
             show_default=False,
         ),
@@ -180,9 +180,10 @@ def suite(
     seeds: Annotated[
         str | None, typer.Option(help="Other seeds than those of the protocol: 0:5.", metavar="SEEDS")
     ] = None,
+    version: Annotated[int, typer.Option(help="The version of the suite.", metavar="1|2")] = 1,
     allow: Allow = None,
 ) -> None:
-    """Play a strategy on the ten tasks of the benchmark suite."""
+    """Play a strategy on the tasks of the benchmark suite."""
     from gamms import suite as suites
     from gamms.experiment.files import seeds_of
     from gamms.experiment.folders import JOURNAL, rows_in
@@ -196,12 +197,17 @@ def suite(
     if strategy == "references":
         file = out / "references.json"
         with made_folder(out):
-            write_whole(file, (json.dumps(measured_references(count, only, by_seed), indent=1) + "\n").encode())
+            write_whole(
+                file, (json.dumps(measured_references(count, only, by_seed, version), indent=1) + "\n").encode()
+            )
         echo(f"Wrote {file}.")
         return
-    reference, code = _found(strategy, allow or [])
+    baselines = {name for task in suites.tasks(version) for name in task.baselines}
+    reference, code = (strategy, {}) if strategy in baselines else _found(strategy, allow or [])
     with _going_on(out, lambda: sum(len(rows_in(one)) for one in sorted(out.glob(f"*/{JOURNAL}")))):
-        results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
+        results = suites.run(
+            reference, only=only, seeds=by_seed, version=version, workers=count, out=out, progress=True, **code
+        )
     _print_results(results, strategy)
     file = out / "table.json"
     columns = {name: column.tolist() for name, column in results.table.items()}
@@ -212,10 +218,7 @@ def suite(
 def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
     """Return the reference by which a scenario names a strategy, and the place of its code."""
     from gamms.scenario.code import chosen
-    from gamms.suite import BASELINES
 
-    if strategy in BASELINES:
-        return strategy, {}
     found, folder = chosen(strategy, "STRATEGY")
     package = [] if found.file is not None or found.module.startswith("gamms.") else [found.module.partition(".")[0]]
     reference = f"{found.module}:{found.function}" if found.function else found.module

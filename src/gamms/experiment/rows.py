@@ -149,7 +149,8 @@ class Rows(Sequence[Row]):
         intervals are over seeds. Rows with errors count in neither; the column `errors` says how many there are.
 
         Args:
-            by: the keys by which rows are grouped; None: all that were varied.
+            by: the keys by which rows are grouped, also `opponent.<team>`, the member of a pool; None: all that were
+                varied.
             metrics: columns of numbers, or `wins.<team>`; None: the result of `metrics()`.
             confidence: the confidence level of the intervals.
 
@@ -294,11 +295,12 @@ class Rows(Sequence[Row]):
     def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
         groups: dict[tuple[Any, ...], list[Row]] = {}
         for row in self._rows:
-            groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+            groups.setdefault(tuple(row.get(key) for key in keys), []).append(row)
         return groups
 
     def _as_keys(self, given: Sequence[str] | None) -> list[str]:
-        known = [*self.keys, "seed"]
+        drawn = [name for name in self._rows[0] if name.startswith("opponent.")] if self._rows else []  # from pools
+        known = [*self.keys, "seed", *drawn]
         keys = list(self.keys) if given is None else as_items(given, "by", "varied keys")
         for key in keys:
             as_known(key, "varied key", known)

@@ -34,7 +34,7 @@ from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
     *("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies"),
-    *("gamms.planning", "gamms.rl", "gamms.solve", "gamms.web"),
+    *("gamms.planning", "gamms.rl", "gamms.solve", "gamms.suite", "gamms.web"),
 )
 HUMAN = "human"  # instead of a reference to a strategy: a person plays
 ON_REQUEST = ("gamms.llm",)  # offered only if the caller allows it: it sends agents' knowledge to a server

@@ -12,14 +12,7 @@ from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
 from gamms.experiment.executors import executor_for
 from gamms.folders import without_link
-from gamms.plain import Plain
 from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
-
-BASELINES: dict[str, Plain] = {  # name -> strategy; None: the scenario's own strategy
-    "scripted": None,
-    "random_walk": "gamms.strategies:random_walk",
-    "stay": "gamms.strategies:stay",
-}
 
 
 class Results(NamedTuple):
@@ -36,13 +29,14 @@ class Results(NamedTuple):
     rows: dict[str, Rows]
 
 
-def run(
+def run(  # noqa: PLR0913 - each option is independent of the others
     strategy: str | Callable[..., Any],
     *,
     folder: str | os.PathLike[str] | None = None,
     allow: Iterable[str] = (),
     only: Sequence[str] | None = None,
     seeds: Iterable[int] | None = None,
+    version: int = VERSION,
     workers: int | None = None,
     out: str | os.PathLike[str] | None = None,
     progress: bool = False,
@@ -56,15 +50,17 @@ def run(
         allow: see `scenario.load`.
         only: kinds, or names of tasks; None: all.
         seeds: other seeds than the protocol's; results are then not comparable.
+        version: the version of the suite.
         workers: see `experiment.run`.
         out: a folder that keeps the rows, and a recording of each task; None: keep nothing.
         progress: show the progress on a line of stderr, if that is a terminal.
 
     Raises:
         UnknownName (KeyError): a task does not exist.
+        BadValue: the version does not exist.
         ScenarioError: the strategy does not exist.
     """
-    chosen = _chosen(only)
+    chosen = _chosen(only, version)
     into = None if out is None else as_path(out, "out")
     by_seed = None if seeds is None else list(seeds)
     executor, is_own = executor_for(None, workers)
@@ -72,8 +68,9 @@ def run(
     made = []
     with executor if is_own else nullcontext():
         for task in chosen:
-            reference = BASELINES.get(strategy, strategy) if isinstance(strategy, str) else None
-            vary: dict[str, Any] = {f"strategies.{task.opponent}": task.opponents}
+            reference = task.baselines.get(strategy, strategy) if isinstance(strategy, str) else None
+            vary: dict[str, Any] = {"map": task.maps} if task.maps else {}
+            vary[f"strategies.{task.opponent}"] = task.opponents
             if callable(strategy):
                 vary[f"strategies.{task.team}"] = [strategy]
             found = run_experiment(
@@ -90,8 +87,8 @@ def run(
     return Results(Table.of(made), rows)
 
 
-def _chosen(only: Sequence[str] | None) -> list[Task]:
-    every = tasks()
+def _chosen(only: Sequence[str] | None, version: int) -> list[Task]:
+    every = tasks(version)
     wanted = [task.name for task in every] if only is None else list(only)
     known = [*dict.fromkeys(task.name.partition("-")[0] for task in every), *(task.name for task in every)]
     for one in wanted:
@@ -101,10 +98,11 @@ def _chosen(only: Sequence[str] | None) -> list[Task]:
 
 def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
     """Return the table row of a task, and record the first game against the worst opponent."""
-    key = f"strategies.{task.opponent}"
+    drawn = f"opponent.{task.opponent}"  # the member of a pool
+    key = drawn if all(row.get(drawn) is not None for row in rows) else f"strategies.{task.opponent}"
     overall = rows.summary([], [task.metric])
     against = rows.summary([key], [task.metric])
-    worst = min(range(len(task.opponents)), key=lambda number: (against["mean"][number], number))
+    worst = min(range(len(against[key])), key=lambda number: (against["mean"][number], number))
     name = against[key][worst]
     first = next(row for row in rows if row[key] == name)
     columns = ("games", "seeds", "errors", "mean", "low", "high")
@@ -118,21 +116,30 @@ def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
 
 
 def references(version: int = VERSION) -> Table:
-    """Return the results of the baselines of GAMMS on the grid tasks of a version of the suite.
+    """Return the results of the baselines of GAMMS on the tasks of a version of the suite.
 
     Its columns are the baseline, and those of `Results.table` without replay.
+
+    Raises:
+        BadValue: the version does not exist.
     """
     rows: list[dict[str, Any]] = json.loads(task_file(version, "_references").read_text(encoding="utf-8"))
     return Table.of(rows)
 
 
 def measured_references(
-    workers: int | None = None, only: Sequence[str] | None = None, seeds: Iterable[int] | None = None
+    workers: int | None = None,
+    only: Sequence[str] | None = None,
+    seeds: Iterable[int] | None = None,
+    version: int = VERSION,
 ) -> list[dict[str, Any]]:
     """Play all baselines on the tasks like `run`; return the rows of `references`."""
+    by_seed = None if seeds is None else list(seeds)
+    chosen = _chosen(only, version)
     made = []
-    for name in BASELINES:
-        table = run(name, workers=workers, only=only, seeds=seeds).table
+    for name in dict.fromkeys(name for task in chosen for name in task.baselines):
+        own = [task.name for task in chosen if name in task.baselines]
+        table = run(name, workers=workers, only=own, seeds=by_seed, version=version).table
         columns = [column for column in table if column != "replay"]
         made += [
             {"baseline": name, **dict(zip(columns, cells, strict=True))}
