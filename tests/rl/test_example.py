@@ -1,5 +1,6 @@
 """The examples that train pursuers, in short versions."""
 
+import json
 import runpy
 import sys
 from pathlib import Path
@@ -55,3 +56,19 @@ def test_a_policy_of_some_districts_is_evaluated_in_others(monkeypatch, tmp_path
     table = found.table()
     shares = zip(table["map"], table["strategies.red"], table["strategies.blue"], table["gap_closed"], strict=True)
     assert [gap for *setting, gap in shares if setting == ["all maps", "exact", "exact"]] == [1.0]
+
+
+def test_a_policy_learns_from_exact_play_and_its_card_says_how_well(monkeypatch, tmp_path):
+    for number, name in enumerate(("helsinki_1", "helsinki_2", "monaco_1")):
+        with gamms.create_context() as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(rows=6 + number, columns=8))
+            ctx.graph.save(tmp_path / f"{name}.gamms")
+    monkeypatch.syspath_prepend(FOLDER)
+    file = tmp_path / "red.safetensors"
+    options = ["--seconds", "1", "--width", "8", "--games", "6", "--out", str(file)]
+    monkeypatch.setattr(sys, "argv", ["exact_teacher.py", str(tmp_path), *options])
+    runpy.run_path(str(FOLDER / "exact_teacher.py"), run_name="__main__")
+    card = json.loads(file.with_suffix(".json").read_text())
+    assert card["training"] == ["helsinki_1.gamms", "helsinki_2.gamms"]
+    assert {*card["test"]["map"]} == {"monaco_1", "all maps"}
+    assert {*card["test"]["strategies.red"]} == {"chase", "policy", "exact"}

@@ -1,5 +1,6 @@
 """Observations of nodes: neighbourhoods and graphs."""
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -88,6 +89,50 @@ def test_padded_graphs_have_one_shape_and_the_edges_of_each_map():
     with pytest.raises(BadValue, match=r"rl.graph\(nodes=19\) has no room for map \d, which has 2\d nodes"):
         rl.vector_env(scene(), num_games=12, team="red", maps=maps, observation=rl.graph(nodes=19))
     env.close()
+
+
+def test_a_move_of_a_pursuer_leaves_the_nodes_that_enemies_reach_first():
+    sight = {"near": {"type": "AGENT_RANGE", "sensor_range": 1000}}
+    with rl.Learners(scene(sensors=sight), 4, teams=["red"], observation=rl.pursuit_observation) as learners:
+        values = learners.observe().reshape(4, 2, learners.num_actions, -1)
+        red, blue = (learners.games.observe(team) for team in ("red", "blue"))
+        streets = nx.Graph(zip(red.streets.columns.sources.tolist(), red.streets.columns.targets.tolist(), strict=True))
+        far = dict(nx.all_pairs_shortest_path_length(streets))
+        legal, is_legal = red.legal_rows()
+        for game, agent, action in np.argwhere(is_legal).tolist():
+            here, mate = int(legal[game, agent, action]), int(red.node[game, 1 - agent])
+            evaders = blue.node[game].tolist()
+            reached = {node: min(far[one][node] for one in evaders) for node in streets}
+            room = [node for node in streets if reached[node] < min(far[here][node], far[mate][node])]
+            rings = streets.subgraph(room).number_of_edges() - len(room) + bool(room)
+            entries = {
+                "is_legal": 1,
+                "stays": here == red.node[game, agent],
+                "enemy": reached[here] / 10,
+                "mate": far[mate][here] / 10,
+                "mate_to_enemy": reached[mate] / 10,
+                "share": len(room) / 20,
+                "room": np.log1p(len(room)) / 3,
+                "rings": np.log1p(max(rings, 0)),
+                "depth": max([reached[node] for node in room], default=0) / 10,
+                "ways_out": sum(reached[node] <= 1 for node in room) / 3,
+            }
+            assert tuple(entries) == rl.pursuit_observation.names
+            np.testing.assert_allclose(values[game, agent, action], [*map(float, entries.values())], rtol=1e-6)
+        assert not values[..., ~is_legal.any(axis=(0, 1)), :].any()
+
+
+def test_a_pursuer_that_sees_no_one_observes_the_farthest_distances():
+    blind = {"near": {"type": "AGENT_RANGE", "sensor_range": 0}}
+    with rl.Learners(scene(sensors=blind), 9, teams=["red"], observation=rl.pursuit_observation) as learners:
+        values = learners.observe().reshape(9, 2, learners.num_actions, -1)
+        view = learners.games.observe("red")
+        sees_no_one = np.ones((9, 2), np.bool_)
+        seen = view.seen()
+        sees_no_one[seen.at, seen.viewers] = False
+        stays = values[sees_no_one][:, 0]
+        assert len(stays)
+        assert (stays == np.float32([1, 1, 10, 10, 10, 0, 0, 0, 0, 0])).all()
 
 
 @pytest.mark.parametrize("make", [lambda: rl.neighbourhood(2), rl.graph])

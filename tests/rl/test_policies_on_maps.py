@@ -17,8 +17,10 @@ from gamms import array_strategy, experiment, rl, tournament
 from gamms.errors import BadValue
 from gamms.recorder import open as open_recording
 from gamms.scenario import Scenario, ScenarioError
-from gamms.strategies import stay
+from gamms.solve import exact_evader, exact_pursuers
+from gamms.strategies import chase, stay
 
+EXAMPLES = Path(__file__).parents[2] / "examples" / "rl"
 WALK = "gamms.strategies:random_walk"
 FIVE = {"grid": {"rows": 4, "columns": 4}}  # the most legal nodes: 5
 NINE = {"generator": "king_moves:squares"}
@@ -251,3 +253,18 @@ def test_a_flying_agent_takes_its_policy_to_other_maps(folder):
     for map in (FIVE, NINE, FOUR):
         played = scene(map, teams=teams, rules=[tag]).play(seed=1, strategies={"red": rl.policy(file)})
         assert played.turns == 8
+
+
+def test_the_trained_pursuers_catch_more_exact_evaders_than_chase_does():
+    eyes = {"eyes": {"type": "AGENT"}}
+    teams = {"red": {"count": 2, "sensors": ["eyes"]}, "blue": {"count": 1, "sensors": ["eyes"]}}
+    catch = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+    turns = {"settings": {"order": [["red"], ["blue"]]}, "max_turns": 40, "rules": [catch, "last_team"]}
+    district = {"generator": {"function": "crop:district", "with": {"number": 13}}}
+    pursuit = Scenario(map=district, folder=EXAMPLES, sensors=eyes, teams=teams, **turns)
+    players = {"chase": chase, "trained": rl.trained_pursuers}
+    found = rl.evaluate(pursuit, players, team="red", opponents={"exact": exact_evader}, games=40, exact=exact_pursuers)
+    assert found.gap_closed("trained") > 0.3
+    row = next(row for row in found.rows if row["strategies.red"] == "trained" and row["seed"] == 3)
+    alone = pursuit.replace(teams={**teams, "red": {**teams["red"], "strategy": "gamms.rl:trained_pursuers"}})
+    assert alone.play(seed=3, strategies={"blue": exact_evader}).turns == row["turns"]

@@ -19,9 +19,9 @@ from gamms.errors import suggest_names as _suggest_names
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
 from gamms.rl.evaluation import Evaluation, evaluate
 from gamms.rl.learners import Learners, Observation, Reward, default_observation, straight_observation
-from gamms.rl.observations import graph, neighbourhood
+from gamms.rl.observations import graph, neighbourhood, pursuit_observation
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
-from gamms.rl.policies import opponents, policy, save_policy
+from gamms.rl.policies import opponents, policy, save_policy, trained_pursuers
 from gamms.rl.populations import Population, ppo_learner
 from gamms.rl.turns import Turn
 
@@ -40,11 +40,13 @@ __all__ = [
     "parallel_env",
     "policy",
     "ppo_learner",
+    "pursuit_observation",
     "save_policy",
     "sb3_env",
     "single_agent_env",
     "straight_observation",
     "torchrl_env",
+    "trained_pursuers",
     "vector_env",
 ]
 

@@ -1,6 +1,6 @@
-"""Observations of nodes: the neighborhood of an agent, padded to a fixed size, and the whole map as a graph.
+"""Observations of nodes: the neighborhood of an agent, the whole map as a graph, and where moves leave enemies room.
 
-Both are functions for `observation=`, from a view to numbers, and give the same in a single game and in a batch.
+All are functions for `observation=`, from a view to numbers, and give the same in a single game and in a batch.
 """
 
 from typing import Any
@@ -12,6 +12,7 @@ from gamms.arguments import as_array, as_count
 from gamms.core import observe
 from gamms.errors import BadType, BadValue
 from gamms.game.array_functions.view import ArrayView, observers_in, views_by_map
+from gamms.game.block.sensing import VisibleAgentPairs
 from gamms.game.block.vectors import room_for
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import MultiMapStreets
@@ -25,6 +26,14 @@ NEAR = ("is_there", "dx", "dy", "hops", "action", "mates", "enemies")
 """The entries of each node of `neighbourhood`."""
 NODE = ("x", "y", "is_here", "action", "mates", "enemies")
 """The entries of each node of `graph`."""
+PURSUIT = ("is_legal", "stays", "enemy", "mate", "mate_to_enemy", "share", "room", "rings", "depth", "ways_out")
+"""The entries of each action of `pursuit_observation`."""
+
+HopArray = np.ndarray[tuple[int, ...], np.dtype[np.int16]]
+"""Distances in edges."""
+
+_PER_UNIT = 10.0  # edges in a unit of distance
+_MOST_EDGES = 100  # of a distance; also that without a path, or to an agent that is not seen
 
 
 class Neighbourhood:
@@ -201,6 +210,81 @@ def graph(nodes: int | None = None) -> MapGraph:
     if isinstance(nodes, ArrayView):
         raise BadType("observation=rl.graph makes an observation: call it, rl.graph().")
     return MapGraph(None if nodes is None else as_count(nodes, "nodes"))
+
+
+def pursuit_observation(view: ArrayView) -> Float32Array:
+    """Return for each action what it leaves to the enemies: `rl.vector_env(…, observation=rl.pursuit_observation)`.
+
+    The entries, `PURSUIT` for each action, do not depend on the size of the map, so that a network for each action
+    (`save_policy(…, shared=0)`) plays on all maps. Distances are in edges; enemies and mates are those that the agent's
+    sensors show; entries of illegal actions and of agents that are out are 0. The room of the enemies are the nodes
+    that one of them reaches before the agent, from where the action leads, and before its mates.
+
+    Raises:
+        TooLarge: the entries would take too much memory.
+    """
+    found = np.zeros((*view.node.shape, view.num_actions, len(PURSUIT)), np.float32)
+    for games, part in views_by_map(view):
+        rows, is_legal = part.legal_rows()
+        is_legal &= part.mask[..., None]
+        values = np.where(is_legal[..., None], _pursuit_entries(part, rows), np.float32(0.0))
+        found[games, :, : rows.shape[2]] = values
+    return found.reshape(*view.node.shape, -1)
+
+
+pursuit_observation.names = PURSUIT  # type: ignore[attr-defined]
+pursuit_observation.of_each = True  # type: ignore[attr-defined] # see `Observation`
+
+
+def _pursuit_entries(view: ArrayView, rows: IntArray) -> Float32Array:
+    """Return the entries of moves to the rows of nodes, (games, agents, most), in games with the same open roads."""
+    far, roads = _hops_on(view)
+    refuse_above(rows.size * (6 * len(far) + 3 * len(roads)), f"What {rows.size} moves leave of {len(far)} nodes")
+    enemies = view.enemies()
+    to_enemy = _least(view, enemies, far)
+    of_mate = _least(view, view.mates(), far)
+    apart = np.full(view.node.shape, _MOST_EDGES)
+    np.minimum.at(apart, (enemies.at, enemies.viewers), of_mate[enemies.at, enemies.viewers, enemies.nodes])
+    is_room = to_enemy[:, :, None] < np.minimum(far[rows], of_mate[:, :, None])
+    room = is_room.sum(axis=3)
+    rings = (is_room[..., roads[:, 0]] & is_room[..., roads[:, 1]]).sum(axis=3) - room + (room > 0)
+    columns = (
+        np.ones(rows.shape),
+        rows == view.node[..., None],
+        np.take_along_axis(to_enemy, rows, axis=2) / _PER_UNIT,
+        np.take_along_axis(of_mate, rows, axis=2) / _PER_UNIT,
+        np.broadcast_to(apart[..., None] / _PER_UNIT, rows.shape),
+        room / len(far),
+        np.log1p(room) / 3.0,
+        np.log1p(np.maximum(rings, 0)),
+        (is_room * to_enemy[:, :, None]).max(axis=3) / _PER_UNIT,
+        (is_room & (to_enemy[:, :, None] <= 1)).sum(axis=3) / 3.0,
+    )
+    return np.stack(columns, axis=3, dtype=np.float32)
+
+
+def _least(view: ArrayView, pairs: VisibleAgentPairs, far: HopArray) -> HopArray:
+    """Return the distance of each node from the nearest of the agents that each agent sees, (games, agents, nodes)."""
+    found = np.full((*view.node.shape, len(far)), _MOST_EDGES, np.int16)
+    np.minimum.at(found, (pairs.at, pairs.viewers), far[pairs.nodes])
+    return found
+
+
+_HOPS: WeakKeyDictionary[StreetGraph, tuple[HopArray, IntArray]] = WeakKeyDictionary()
+"""Map -> distances in edges, (nodes, nodes), and the two nodes of each road, (roads, 2)."""
+
+
+def _hops_on(view: ArrayView) -> tuple[HopArray, IntArray]:
+    """Return the distances between all nodes of the map in edges, and its roads; see `_HOPS`."""
+    streets = view.streets
+    if streets not in _HOPS:
+        nodes = len(streets.counts)
+        refuse_above(nodes * nodes * 32, f"The distances between all of {nodes} nodes")
+        every = np.arange(nodes)
+        far = np.minimum(view.routes(None).distances(every[:, None], every), _MOST_EDGES).astype(np.int16)
+        ends = np.sort(np.stack((streets.columns.sources, streets.columns.targets), axis=1), axis=1)
+        _HOPS[streets] = far, np.unique(ends[ends[:, 0] < ends[:, 1]], axis=0)
+    return _HOPS[streets]
 
 
 def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArray]:

@@ -33,6 +33,7 @@ from gamms.rl.learners import (
     within_reach,
 )
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
+from gamms.rl.observations import pursuit_observation
 from gamms.rl.turns import Turn
 from gamms.scenario import Scenario
 from gamms.sensor.catalog import KINDS
@@ -44,9 +45,14 @@ from gamms.typing.sensor_engine import ISensor
 
 Maker = Callable[[IContext], Callable[[Any], None]]
 
+_PURSUIT = Path(__file__).parents[1] / "data" / "pursuit.safetensors"
 _KEY = "gamms"  # key in the metadata of a file
 _WITHOUT_ROADS = "default"  # the name of `straight_observation`, which was the default when files were first written
-_NAMED: Mapping[str, Observation] = {_WITHOUT_ROADS: straight_observation, "default with roads": default_observation}
+_NAMED: Mapping[str, Observation] = {
+    _WITHOUT_ROADS: straight_observation,
+    "default with roads": default_observation,
+    "pursuit": pursuit_observation,
+}
 _MOST_METADATA = 1 << 18  # bytes
 _MOST_MAPS = 2048  # whose digests fit into the metadata
 _TURNING = ("orientation", "quat", "at")  # settings of sensors that depend on the map, or change during a game
@@ -64,8 +70,8 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         observation: the shape of one agent's observation.
         actions: the number of actions.
-        function: the observation function: its module and name; or "default with roads", or "default", which is the
-            default observation without distances by road.
+        function: the observation function: its module and name; or "pursuit", "default with roads", or "default",
+            which is the default observation without distances by road.
         deeds: the number of deed choices; 0: no deeds are declared.
         flies: whether it is for flying agents, whose actions are three numbers: see `heads`.
         legal: for flying agents, the number of legal nodes that the default observation has entries for; else 0.
@@ -301,6 +307,22 @@ def played_policy(
 
 
 played_policy.files = ("path",)  # type: ignore[attr-defined] # which scenarios look for in their folders
+
+
+def trained_pursuers(ctx: IContext) -> Callable[[Any], None]:
+    """Make the strategy of pursuers of a trained policy that ships with GAMMS, for any map.
+
+    It was trained in districts of cities, for two pursuers along one edge a turn, in turns with an exact evader, with
+    full sight. It observes by `pursuit_observation`, and draws its actions by the game's seed. Its card, `pursuit.json`
+    in the folder `data` of the package, has the maps of the training and the results in other cities.
+
+    Args:
+        ctx: the context of the game.
+
+    Raises:
+        MissingExtra (ImportError): safetensors is not installed.
+    """
+    return policy(_PURSUIT, sample=True, other_scenario=True)(ctx)
 
 
 # -- playing ------------------------------------------------------------------------------------------------------
@@ -726,4 +748,4 @@ def _no_reward(turn: Turn) -> FloatArray:
     return np.zeros(turn.after.node.shape)
 
 
-FOR_SCENARIOS: Mapping[str, Callable[..., Any]] = {"policy": played_policy}
+FOR_SCENARIOS: Mapping[str, Callable[..., Any]] = {"policy": played_policy, "trained_pursuers": trained_pursuers}
