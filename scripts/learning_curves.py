@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 Curves = dict[str, list[list[float]]]  # example -> for each seed, a number for each iteration
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results" / "learning_curves.json"
+RESULTS = ROOT / "docs" / "figures" / "learning_curves" / "numbers.json"
 FIGURES = ROOT / "docs" / "figures" / "learning_curves"
 COMMAND = "python scripts/learning_curves.py"
 SEEDS = (1, 2, 3, 4, 5)

@@ -1,10 +1,11 @@
 """One policy for many cities: pursuers learn from exact play in districts of some, and play in those of others.
 
-    python examples/rl/exact_teacher.py districts --seconds 600 --width 64     # trains, evaluates, writes the card
+    python examples/rl/exact_teacher.py --seconds 600 --width 64     # trains, evaluates, writes the card
 
-The folder has files `<city>_<number>.gamms`. In each position that the learning pursuers reach in training cities, a
-table of exact play says how many moves each pair of actions loses, and the network learns to lose few (AggreVaTe, Ross
-and Bagnell 2014). It gives each action a number from what that leaves to the evader, so that it plays on all maps.
+The districts are those of the suite, or files `<city>_<number>.gamms` of another folder. In each position that the
+learning pursuers reach in training cities, a table of exact play says how many moves each pair of actions loses, and
+the network learns to lose few (AggreVaTe, Ross and Bagnell 2014). It gives each action a number from what that leaves
+to the evader, so that it plays on all maps.
 """
 
 import argparse
@@ -19,11 +20,13 @@ import torch
 from torch import nn
 from torch.distributions import Categorical
 
+import gamms
 from gamms import rl
 from gamms.scenario import Scenario
 from gamms.solve import exact_evader, exact_pursuers, pursuit
 from gamms.strategies import chase
 
+DISTRICTS = Path(gamms.__file__).parent / "data" / "districts"
 TRAINING = ("helsinki", "victoria", "bejaia")
 ENTRIES = len(rl.pursuit_observation.names)
 TURNS, BATCH, EPOCHS, RATE = 8, 512, 2, 2e-3
@@ -134,7 +137,7 @@ def evaluate(scenario, maps, file, games, seed=900_000_000):
 def main():
     """Train, evaluate and write the card."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=DISTRICTS)
     parser.add_argument("--seconds", type=float, default=600.0, help="CPU time")
     parser.add_argument("--width", type=int, default=64)
     parser.add_argument("--games", type=int, default=100, help="in each district, for the evaluation")
@@ -153,7 +156,7 @@ def main():
     table = found.table()
     options = f"--seconds {given.seconds:g} --width {given.width} --games {given.games}"
     card = {
-        "command": f"python examples/rl/exact_teacher.py districts {options}",
+        "command": f"python examples/rl/exact_teacher.py {options}",
         "method": "on training maps: moves lost against a table of exact play, in turns with an exact evader; 40 turns",
         "seeds": {"network": 1, "training games": 1_000_000, "test games": 900_000_000},
         "curve": {"columns": ["CPU seconds", "loss", "share of training games won"], "rows": curve},

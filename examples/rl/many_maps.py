@@ -1,8 +1,6 @@
 """One policy for many maps: pursuers learn in twelve districts of Helsinki, and play in six that they have not seen.
 
-    python examples/rl/many_maps.py          # trains for a minute, then prints how often who wins, with intervals
-
-They learn from scripts, and are compared with `chase` and exact pursuers, against a script and an exact evader.
+python examples/rl/many_maps.py          # trains for a minute, then prints how often who wins, with intervals
 """
 
 from pathlib import Path
@@ -29,16 +27,15 @@ PURSUIT = Scenario(
 
 def observe(view):
     """The turn; and for each move: is it legal, how far are evader and mate, how much does the evader reach first?"""
-    seen, roads, nodes = view.enemies(), view.routes(None), np.arange(len(view.streets.counts))
+    seen, roads, mate = view.enemies(), view.routes(None), view.node[:, ::-1, None]
+    nodes = np.arange(len(view.streets.counts))
     legal, is_legal = view.legal_rows()
-    most = view.num_actions  # that of the map with the most
     evader = np.zeros((len(legal), 1, 1), np.int64)
     evader[seen.at, 0, 0] = seen.nodes
-    mate = view.node[:, ::-1, None]
     ours = np.minimum(roads.distances(legal[..., None], nodes), roads.distances(mate[..., None], nodes))
     free = (roads.distances(evader[..., None], nodes) < ours).mean(axis=3)
     moves = [is_legal, roads.distances(legal, evader) / 10, roads.distances(legal, mate) / 10, free]
-    found = np.zeros((*view.node.shape, most, len(moves)), np.float32)
+    found = np.zeros((*view.node.shape, view.num_actions, len(moves)), np.float32)
     found[:, :, : legal.shape[2]] = np.stack(moves, axis=3)
     turn = np.broadcast_to(view.turn[:, None, None] / 40, (*view.node.shape, 1))
     return np.concatenate([turn, found.reshape(*view.node.shape, -1)], axis=2, dtype=np.float32)
@@ -55,11 +52,9 @@ def learn(file, seed=1, iterations=40, num_games=256):
 def compare(file, games=100):
     """Evaluate a policy on maps that it has not seen."""
     strategies = {"chase": chase, "policy": rl.policy(file, observation=observe)}
-    new = {"maps": DISTRICTS[12:], "games": games, "seed": 1_000_000}
-    opponents = {"flee": flee, "exact": exact_evader}
-    return rl.evaluate(PURSUIT, strategies, team="red", opponents=opponents, exact=exact_pursuers, **new)
+    new = {"maps": DISTRICTS[12:], "games": games, "seed": 1_000_000, "exact": exact_pursuers}
+    return rl.evaluate(PURSUIT, strategies, team="red", opponents={"flee": flee, "exact": exact_evader}, **new)
 
 
 if __name__ == "__main__":
-    learn("many_maps.safetensors")
-    print(compare("many_maps.safetensors"))
+    print(learn("many_maps.safetensors"), compare("many_maps.safetensors"), sep="\n")

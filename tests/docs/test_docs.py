@@ -200,14 +200,14 @@ def test_a_page_is_found_under_the_single_words_of_its_comments():
     assert not set(pages.index_words()) & {"architecture", "releasing", "README"}
 
 
-def test_the_navigation_has_at_most_60_pages_besides_the_reference():
+def test_the_navigation_has_at_most_64_pages_besides_the_reference():
     found, waiting = set(), [DOCS / "index.md"]
     while waiting:
         page = waiting.pop()
         linked = {one for _, several in pages.contents_of(page) for one in several} - {page}
         waiting += [one for one in linked - found if one.name == "index.md"]
         found |= linked
-    assert 50 < len(found) <= 60
+    assert 50 < len(found) <= 64
 
 
 def test_pages_for_contributors_are_not_in_the_navigation():

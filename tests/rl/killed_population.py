@@ -18,8 +18,8 @@ def die():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def add_and_die(self, rows):
-    add(self, rows)
+def add_and_die(self, rows, series):
+    add(self, rows, series)
     if moment == "games of a response" and any("learn" in str(row) for row in rows):
         die()
 

@@ -50,7 +50,18 @@ CALLS = {  # exported name -> how it is called with `ctx`, and what is printed o
     "mix": (lambda ctx: strategies.mix(0.5, strategies.stay, strategies.flee(ctx)), "mix(0.5, stay, flee(ctx))"),
     "human": (lambda ctx: strategies.human(is_near), "human(is_near)"),
 }
-MAKE_NONE = {"Conflicts", "Contact", "Contest", "contacts", "one_to_one", "territory", "stay", "random_walk", "pool"}
+MAKE_NONE = {
+    "Conflicts",
+    "Contact",
+    "Contest",
+    "contacts",
+    "idleness_table",
+    "one_to_one",
+    "territory",
+    "stay",
+    "random_walk",
+    "pool",
+}
 MAKE_NONE |= {"territory.by_distance", "territory.halves"}
 
 

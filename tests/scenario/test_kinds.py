@@ -90,6 +90,7 @@ def test_all_that_is_offered_has_a_kind():
         "Contact",
         "Contest",
         "contacts",
+        "idleness_table",
         "one_to_one",
         "by_distance",
         "halves",
