@@ -192,7 +192,7 @@ CASES: dict[str, tuple[Callable[[int], Call], tuple[int, int]]] = {
     "a GPX file": (gpx, (2_000, 8_000)),
     "a sample": (sample, (500, 2_000)),
     "a table with gaps": (table, (500, 2_000)),
-    "a pursuit": (chased, (12, 20)),
+    "a pursuit": (chased, (12, 17)),
 }
 
 
