@@ -12,7 +12,7 @@ import pytest
 import safetensors.numpy
 
 from gamms import experiment, rl
-from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
+from gamms.errors import BadType, BadValue, Duplicate, MissingExtra, UnknownName
 from gamms.scenario import Scenario
 from gamms.strategies import chase, flee, random_walk, stay
 
@@ -195,7 +195,20 @@ def test_ppo_learns_deeds_and_refuses_agents_that_fly():
     env.close()
 
 
+def test_a_metric_that_no_game_has_is_refused():
+    with pytest.raises(UnknownName, match=r"Unknown metric 'wins\.rd'\. Did you mean 'wins\.red'"):
+        population(metric="wins.rd")
+    with pytest.raises(UnknownName, match="Unknown column of numbers 'foo'"):
+        population(metric="foo").payoffs  # noqa: B018
+    assert np.isfinite(population(metric="score.blue").payoffs).all()  # nobody has scored
+
+
 def test_wrong_arguments_of_a_population_are_refused_by_name():
+    for name in ("exact", "learner"):
+        with pytest.raises(BadType, match=f"{name} must be a function, not 3"):
+            population(**{name: 3})
+    with pytest.raises(BadValue, match="to must be 'nash' or 'uniform' or 'last', not 'nsh'"):
+        population().responses("red", to="nsh")
     found = population()
     with pytest.raises(UnknownName, match=r"Unknown team 'rde'\. Did you mean 'red'"):
         found.weights("rde")

@@ -8,9 +8,9 @@ import networkx as nx
 import pytest
 from typer.testing import CliRunner
 
-from gamms import cli, recorder, suite
+from gamms import cli, recorder, rl, suite
 from gamms.errors import BadValue, UnknownName
-from gamms.scenario import ScenarioError
+from gamms.scenario import Scenario, ScenarioError
 from gamms.suite import protocol
 
 FEW = ["pursuit-grid-c0505f71"]
@@ -124,6 +124,17 @@ def test_districts_have_60_to_150_junctions_and_are_connected():
         suite.district("monaco1")
     with pytest.raises(BadValue, match="part must be 'train' or 'test'"):
         suite.districts("trian")
+
+
+def test_districts_are_maps_of_environments():
+    task = suite.tasks(2)[0]
+    with rl.Learners(Scenario(**task.scenario), 2, teams=["red"], maps=suite.districts("bejaia")) as learners:
+        assert learners.games.num_maps == 6
+
+
+def test_a_version_that_does_not_exist_has_no_references():
+    with pytest.raises(BadValue, match="There is no version 3 of the suite; there are the versions 1 and 2"):
+        suite.references(3)
 
 
 def test_districts_never_change():

@@ -36,7 +36,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
-    maps: Sequence[Any] | None = None,
+    maps: Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
@@ -99,7 +99,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
     mask: "MaskPlace" = "observation",
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
-    maps: Sequence[Any] | None = None,
+    maps: Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> "AgentEnv":
     """Return a scenario as a `gymnasium.Env`, in which one agent learns.
 
@@ -159,7 +159,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     render_mode: "RenderMode" = None,
     workers: int = 1,
     threads: int = 1,
-    maps: Sequence[Any] | None = None,
+    maps: Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
@@ -277,7 +277,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
     seed: int = 0,
     most_agents: MostAgents | None = None,
     threads: int = 1,
-    maps: Sequence[Any] | None = None,
+    maps: Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> "TensorEnv":
     """Return many games of a scenario as an `EnvBase` of TorchRL.
 

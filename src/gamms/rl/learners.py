@@ -101,8 +101,8 @@ class Learners:
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: the most agents of each team over a game, or team -> number; see `Scenario.batch`.
         threads: the number of threads for games that the core supports completely; other games use one.
-        maps: several maps instead of that of the scenario; see `Scenario.batch`. Observation and reward functions are
-            called for the games of each map.
+        maps: several maps instead of that of the scenario, or name -> map; see `Scenario.batch`. Observation and reward
+            functions are called for the games of each map.
 
     Attributes:
         games: the batch.
@@ -144,7 +144,7 @@ class Learners:
         record: bool = False,
         most_agents: MostAgents | None = None,
         threads: int = 1,
-        maps: Sequence[Any] | None = None,
+        maps: Sequence[Any] | Mapping[str, Any] | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -169,7 +169,7 @@ class Learners:
             one_by_one=one_by_one,
             vis_engine=vis_engine,
             most_agents=most_agents,
-            maps=maps,
+            maps=[*maps.values()] if isinstance(maps, Mapping) else maps,
         )
         self._sets: dict[int, Mapping[str, Any]] = {0: first_others}  # of others: those that games play, and the newest
         self._newest = 0

@@ -174,7 +174,7 @@ def save_policy(
     agent: str | None = None,
     observation: Observation | None = None,
     shared: int | None = None,
-    maps: Sequence[Any] | None = None,
+    maps: Sequence[Any] | Mapping[str, Any] | None = None,
 ) -> None:
     """Write a trained policy into a file, with the hashes of its scenario and spaces.
 

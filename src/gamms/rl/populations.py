@@ -9,14 +9,14 @@ from functools import partial
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 from weakref import finalize
 
 import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_known, as_mapping, as_path
-from gamms.errors import BadValue, Duplicate
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
 from gamms.experiment import Rows, run
 from gamms.experiment.games import Row
 from gamms.experiment.rows import read_metric
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 Learner = Callable[[Any, Path | None], Any]
 """Trains in an environment, from the saved policy of the last training or from None; returns a network."""
 Mix = Literal["nash", "uniform", "last"]
+_MIXES = get_args(Mix)
 _GAMES = 64  # games in which a learner trains at once
 
 
@@ -123,7 +124,12 @@ class Population:
             finalize(self, rmtree, self._out, ignore_errors=True)
         self._maps: dict[str, Any] = {} if maps is None else name_maps(maps)
         self._seeds = range(seed, seed + as_count(games, "games"))
+        if metric is not None and str(metric).startswith("wins."):
+            as_known(metric, "metric", [f"wins.{team}" for team in self.teams])
         self._metric = metric
+        for name, function in {"exact": exact, "learner": learner}.items():
+            if function is not None and not callable(function):
+                raise BadType(f"{name} must be a function, not {shown(function)}.")
         self._exact = exact
         self._learner = learner
         self._env = dict(as_mapping(env or {}, "env"))
@@ -201,12 +207,16 @@ class Population:
         for row in rows:
             first, second = (place[str(row[key])] for place, key in zip(places, keys, strict=True))
             sums[first, second] += self._payoff(row)
+        if np.isnan(sums).any():  # no row has the metric, or some have none
+            raise UnknownName("column of numbers", self._metric, rows.metrics())
         return sums / (len(self._seeds) * max(1, len(self._maps)))
 
     def _payoff(self, row: Row) -> float:
         """Return the payoff of the first team in a game."""
         if self._metric is not None:
-            return read_metric(self._metric, row)
+            payoff = read_metric(self._metric, row)
+            is_of_team = self._metric in [f"score.{team}" for team in self.teams]
+            return float(np.nan_to_num(payoff)) if is_of_team else payoff
         first, second = (read_metric(f"score.{team}", row) for team in self.teams)
         return float(np.nan_to_num(first) - np.nan_to_num(second))  # teams without points have no column
 
@@ -225,7 +235,7 @@ class Population:
         """
         side = self.teams.index(as_known(team, "team", self.teams))
         names = list(self._members[team])
-        if as_choice(by, "by", ("nash", "uniform", "last")) == "nash":
+        if as_choice(by, "by", _MIXES) == "nash":
             shares = kernels.solve_matrix_games(self.payoffs[None])[1 + side][0].tolist()
         elif by == "uniform":
             shares = [1.0 / len(names)] * len(names)
@@ -263,6 +273,7 @@ class Population:
         """
         other = self._other_of(team)
         respond = self._respond_exactly if as_choice(by, "by", ("exact", "learn")) == "exact" else self._train
+        as_choice(to, "to", _MIXES)
         number, others = len(self._members[team]), len(self._members[other])
         return respond(team, f"{by} {number} to {to} of {others}", other, to)
 

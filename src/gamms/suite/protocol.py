@@ -65,10 +65,7 @@ def tasks(version: int = VERSION) -> list[Task]:
         BadValue: the version does not exist.
         BadFile: the file of the version is damaged.
     """
-    file = task_file(as_int(version, "version"))
-    if not file.is_file():
-        known = " and ".join(map(str, VERSIONS))
-        raise BadValue(f"There is no version {version} of the suite; there are the versions {known}.")
+    file = task_file(version)
     found = [Task(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
     for task in found:
         if task.name != with_digest(task).name:
@@ -77,7 +74,14 @@ def tasks(version: int = VERSION) -> list[Task]:
 
 
 def task_file(version: int, suffix: str = "") -> Path:
-    """Return the file of a version of the suite."""
+    """Return the file of a version of the suite.
+
+    Raises:
+        BadValue: the version does not exist.
+    """
+    if as_int(version, "version") not in VERSIONS:
+        known = " and ".join(map(str, VERSIONS))
+        raise BadValue(f"There is no version {version} of the suite; there are the versions {known}.")
     return _DATA / f"suite_{version}{suffix}.json"
 
 
