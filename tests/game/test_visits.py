@@ -138,6 +138,24 @@ def test_nodes_that_no_agent_of_the_team_visits_are_idle_from_the_start():
         assert np.isnan(table["average"]).all()
 
 
+def test_an_agent_on_an_edge_has_not_visited_the_node_that_it_left_when_the_rule_was_added():
+    with patrol([0], 0.4 * SIDE, speed_unit="metres") as ctx:
+        ctx.game.step()
+        ctx.game.add(idleness())
+        ctx.game.step()
+        assert idleness_table(ctx)["visits"].tolist() == [0] * NODES
+
+
+def test_an_agent_that_comes_between_two_turns_visits_the_node_where_it_begins():
+    with patrol([0], strategy=stay) as ctx:
+        ctx.game.add(idleness([5]))
+        ctx.game.step()
+        ctx.agent.create_agent("late", start_node_id=5, team="blue", strategy=go_round)
+        ctx.game.step()
+        assert idleness_table(ctx)["visits"].tolist() == [1]
+        assert idleness_table(ctx)["worst"].tolist() == [1.0]
+
+
 def collected_in(ctx):
     ctx.game.collect("visits", lambda ctx: [tuple(one) for one in ctx.game.visits(edges=range(2 * NODES))])
     ctx.game.collect("worst", lambda ctx: float(idleness_table(ctx)["worst"].max()), every=3)

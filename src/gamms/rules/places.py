@@ -276,7 +276,7 @@ def idleness(
 
     The idleness of a node is the time since an agent was there last, or since the rule was added (Machado et al.,
     Multi-agent patrolling, 2003). Times are exact: an agent that passes a node between two turns visits it, see
-    `ctx.game.visits`. The rule changes nothing in the game.
+    `ctx.game.visits`. The last move of an agent that is eliminated does not count. The rule changes nothing.
 
     Args:
         nodes: the nodes to patrol; None: all nodes that the map has when the rule is added.
@@ -348,10 +348,11 @@ class _IdlenessRule(NamedTuple):
         """Note the visits of a turn."""
         state = self._state(ctx)
         row_of = {node: row for row, node in enumerate(state["nodes"])}
-        if ctx.game.turn == state["begun"] + 1:
-            for move in ctx.game.moves.values():
-                if self._counts(move.team) and move.start in row_of:
-                    _note(state, row_of[move.start], state["begun"], state["begun"])
+        began = ctx.game.turn - 1.0
+        for move in ctx.game.moves.values():
+            place = move.places[0]  # where the agent was before, also if it has just come
+            if self._counts(move.team) and place in row_of:
+                _note(state, row_of[place], began, began)
         for visit in ctx.game.visits():
             if self._counts(visit.team) and visit.node in row_of:
                 _note(state, row_of[visit.node], visit.time, visit.until)
