@@ -347,3 +347,37 @@ def test_the_example_of_self_play_brackets_the_exact_value(monkeypatch, capsys):
     assert all(least <= exact[0] <= most for least, most, _ in gaps)
     (most, least), again = [next(example["play_itself"](1, seed=3)) for _ in range(2)]
     assert (most, least) == again
+
+
+@array_strategy
+def meet(view):
+    """Go towards the first node: where agents have speeds, array strategies are then called game by game."""
+    return view.towards(np.zeros_like(view.node))
+
+
+@pytest.mark.parametrize("learns", [{"agent": "red_1"}, {"teams": ["red"]}])
+def test_games_that_are_played_again_for_new_others_have_the_same_actions(learns):
+    fleet = {"count": 2, "speed": 2, "sensors": ["eyes"]}
+    game = Scenario(
+        map={"grid": {"rows": 4, "columns": 4}},
+        max_turns=20,
+        sensors={"eyes": {"type": "AGENT_RANGE", "range_m": 25}},
+        teams={"red": fleet, "blue": fleet},
+        rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}],
+    )
+    changed, same = (rl.Learners(game, 3, others={"blue": chase}, **learns) for _ in range(2))
+    for one in (changed, same):
+        one.begin_all(33)
+    draw = np.random.default_rng(0)
+    for turn in range(6):
+        actions = draw.integers(0, 60, same.masks.shape[:2]) % np.maximum(same.masks.sum(axis=2), 1)
+        if turn == 3:
+            changed.set_others({"blue": meet})
+        for one in (changed, same):
+            one.step(actions)
+        np.testing.assert_array_equal(changed.masks[1:], same.masks[1:])
+        np.testing.assert_array_equal(changed.observe()[1:], same.observe()[1:])
+        if turn == 3:
+            changed.begin_again(np.array([0]))
+    changed.close()
+    same.close()

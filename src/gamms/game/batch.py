@@ -321,7 +321,7 @@ class Batch(Surface, Immutable, NotPickled):
         is_logged: bool = True,
         writer: LearnerWriter | None = None,
     ) -> None:
-        """Play one turn, and log the given actions, unless strategies that play again remember them.
+        """Play one turn, and log the given actions, unless no game is ever played again.
 
         `writer` is for turns that the core plays at once; see `BatchEngine.play`.
         """
@@ -385,6 +385,8 @@ class Batch(Surface, Immutable, NotPickled):
         self._engine.release()
         engine = self._made_engine()
         engine.stop_at = self._engine.stop_at
+        for number in range(len(self._sources)):
+            engine.state_of(number).movement.take_width(self._engine.state_of(number).movement)
         self._engine = engine
         self._separate.move_to(engine)
         for place, given in enumerate(self._log):
@@ -1118,7 +1120,7 @@ def step_with(
         games: the batch.
         given: team -> the actions of its agents; the batch keeps their arrays.
         threads: the number of threads that play.
-        is_logged: whether the batch logs the actions to play games again; else strategies remember them.
+        is_logged: whether the batch logs the actions, to play games again.
         writer: writes what learners get and see, if the core plays the turn at once; see `plays_at_once`.
     """
     games._refuse_closed()

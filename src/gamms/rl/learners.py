@@ -98,7 +98,7 @@ class Learners:
         seed: the seed of the first game; the others have the next ones.
         one_by_one: deprecated, without effect.
         vis_engine: shows the games, one by one.
-        record: keep the actions, so that `games.record` can write recordings; not with `agent`.
+        record: deprecated, without effect: actions are kept, so that `games.record` can write recordings.
         most_agents: the most agents of each team over a game, or team -> number; see `Scenario.batch`.
         threads: the number of threads for games that the core supports completely; other games use one.
         maps: several maps instead of that of the scenario, or name -> map; see `Scenario.batch`. Observation and reward
@@ -141,7 +141,7 @@ class Learners:
         seed: int = 0,
         one_by_one: bool | None = None,
         vis_engine: Engine | None = None,
-        record: bool = False,
+        record: bool = False,  # noqa: ARG002 - it was needed before
         most_agents: MostAgents | None = None,
         threads: int = 1,
         maps: Sequence[Any] | Mapping[str, Any] | None = None,
@@ -165,7 +165,7 @@ class Learners:
             number,
             seed=first,
             strategies=self._with_scripted(first_others),
-            record=record or agent is None,
+            record=True,
             one_by_one=one_by_one,
             vis_engine=vis_engine,
             most_agents=most_agents,
@@ -356,7 +356,7 @@ class Learners:
         scores = {} if is_at_once and before is None else self.games.scores
         if writer is None:
             turn.begin()
-        step_with(self.games, given, self._threads, is_logged=self._scripted is None, writer=writer)
+        step_with(self.games, given, self._threads, is_logged=True, writer=writer)
         self._prefix.add(~turn.was_over, heads, flights)
         self._known_views = None
         if writer is not None and before is None:

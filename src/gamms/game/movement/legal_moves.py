@@ -341,6 +341,12 @@ class Movement:
             )
         return most
 
+    def take_width(self, before: "Movement") -> None:
+        """Have as many actions as the movement of the same agents that this one replaces, if learners have set it."""
+        given = before if before._original is None else before._original
+        if "width" in vars(given):
+            self.width = given.width
+
     def most_legal(self, limit: int) -> int:
         """Return the maximum number of legal nodes; above the limit, any number above it."""
         if self.are_all_legal:
