@@ -98,7 +98,8 @@ def train(scenario, maps, width, seconds, seed=1, num_games=512):
         done = (time.process_time() - began) / seconds
         optimizer.param_groups[0]["lr"] = RATE * max(0.0, 1.0 - done)
         if done >= (len(curve) + 1) / 20:
-            curve.append([round(done * seconds, 1), round(sum(losses).item() / len(losses), 4), round(won / ended, 4)])
+            share = round(won / max(ended, 1), 4)
+            curve.append([round(done * seconds, 1), round(sum(losses).item() / len(losses), 4), share])
             print(*curve[-1], flush=True)
     env.close()
     return network, curve
