@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
-from gamms.arguments import as_bool, as_int, as_items, as_key, as_name
+from gamms.arguments import as_bool, as_ids, as_items, as_key, as_name
 from gamms.deciding import Protected, leaving_last_turn, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of, performed_deeds
@@ -152,8 +152,8 @@ class RuleVerbs(Settings):
             BadType: an id is not an integer.
             UnknownName (KeyError): a node is not on the map.
         """
-        wanted_nodes = None if nodes is None else _as_ids(nodes, "nodes")
-        wanted_edges = frozenset[int]() if edges is None else _as_ids(edges, "edges")
+        wanted_nodes = None if nodes is None else _list_ids(nodes, "nodes")
+        wanted_edges = frozenset[int]() if edges is None else _list_ids(edges, "edges")
         if wanted_nodes is None and edges is not None:
             wanted_nodes = frozenset()
         for node in sorted(wanted_nodes or ()):
@@ -307,7 +307,7 @@ class RuleVerbs(Settings):
         return found
 
 
-def _as_ids(given: object, name: str) -> frozenset[int]:
+def _list_ids(given: object, name: str) -> frozenset[int]:
     """Return one id, or several."""
-    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
-    return frozenset(as_int(one, f"Each of {name}") for one in several)
+    is_several = isinstance(given, Iterable) and not isinstance(given, str)
+    return frozenset(as_ids(given if is_several else [given], name))

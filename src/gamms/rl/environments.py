@@ -79,7 +79,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         "most_agents": most_agents,
         "maps": maps,
     }
-    learners = Learners(scenario, teams=team, record=True, vis_engine=window, **games)
+    learners = Learners(scenario, teams=team, vis_engine=window, **games)
     with _closing_after_error(learners):
         env = TeamEnv(EnvInterface(learners, mask, actions), scenario.spec.name, render_mode)
     form: dict[str, Any] = {"mask": mask, "actions": actions, "render_mode": render_mode}
@@ -222,8 +222,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     played: dict[str, Any] = {"num_games": num_games, "vis_engine": window}
     if several:
         played = {"num_games": 1}
-    is_kept = render_mode is not None and agent is None
-    learners = Learners(scenario, teams=team, seed=seed, record=is_kept, **played, **games)
+    learners = Learners(scenario, teams=team, seed=seed, **played, **games)
     with _closing_after_error(learners):
         interface = EnvInterface(learners, mask, actions)
         if several:

@@ -164,7 +164,7 @@ class Learners:
         self.games: Batch = scenario.batch(
             number,
             seed=first,
-            strategies=self._with_scripted(first_others),
+            strategies=self._add_scripted(first_others),
             record=True,
             one_by_one=one_by_one,
             vis_engine=vis_engine,
@@ -234,7 +234,7 @@ class Learners:
                 "turn, or add a rule such as tag with a score."
             )
 
-    def _with_scripted(self, others: Mapping[str, Any]) -> dict[str, Any]:
+    def _add_scripted(self, others: Mapping[str, Any]) -> dict[str, Any]:
         """Return the strategies of others, and that of the only learning agent."""
         own = {} if self.agent is None or self._scripted is None else {self.agent: self._scripted}
         return {**others, **own}
@@ -456,7 +456,7 @@ class Learners:
         self._refuse_closed()
         given = dict(as_mapping({} if others is None else others, "others"))
         self._refuse_learners(given)
-        change_strategies(self.games, self._with_scripted(given))
+        change_strategies(self.games, self._add_scripted(given))
         for number in list_newest_sources(self.games):
             movement_in(self._views(number)[0]).width = self.num_actions
         self._newest += 1

@@ -376,7 +376,7 @@ def _note(state: dict[str, Any], row: int, time: float, until: float) -> None:
 def idleness_table(ctx: Context, key: str = "idleness") -> dict[str, Any]:
     """Return what the rule `idleness` has measured so far: a dict of columns, (nodes,).
 
-    Columns: `node` (its id); `visits`: how often agents came after nobody was there; `average`: the mean time between
+    Columns: `node` (its id); `visits`: how often it was visited after it was left alone; `average`: mean time between
     two visits, NaN before the second (of a fleet of k agents that follow one cycle of length T at a speed v, evenly
     spaced, T / kv: Chevaleyre, 2004); `worst`: the longest time without an agent, with the time before the first visit
     and since the last. Times are in turns. `numpy.nanmean(table["average"])` and `table["worst"].max()` are those of
