@@ -41,15 +41,26 @@ HUNT = scenario.Scenario(
 )
 
 
+def connect(url, **options):
+    """Connect without pings, which would draw from the global `random`, also in the tests after this one."""
+    from websockets.sync import client
+
+    return client.connect(url, proxy=None, ping_interval=None, **options)
+
+
+def hang_up(connection):
+    """End a connection without a word, and its thread that reads."""
+    with suppress(OSError):  # the other side was first
+        connection.socket.shutdown(socket.SHUT_RDWR)
+
+
 class Client:
     """A client that has joined by a link: `bytes` is the game that it was sent, `told` its messages."""
 
     def __init__(self, link):
-        from websockets.sync.client import connect
-
         address, _, token = link.partition("#")
         url = address.replace("http", "ws") + "live"
-        self.socket = connect(url, proxy=None, max_size=None, legacy=True, close_timeout=1)
+        self.socket = connect(url, max_size=None, legacy=True, close_timeout=1)
         self.bytes, self.told = b"", []
         self.say(token=token)
 
@@ -460,12 +471,11 @@ def test_a_token_that_is_not_known_opens_nothing(paused, join):
 
 def test_another_origin_or_host_is_refused(paused):
     from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
 
     address = paused.url.partition("#")[0]
     with (
         pytest.raises(InvalidStatus, match="403"),
-        connect(address.replace("http", "ws") + "live", origin="http://evil.example", proxy=None),
+        connect(address.replace("http", "ws") + "live", origin="http://evil.example"),
     ):
         pass
     with httpx.Client(trust_env=False) as client:
@@ -550,7 +560,7 @@ def attack(live, link, messages):
                 sent += 1
         except ConnectionClosed:
             pass
-        client.socket.socket.close()
+        hang_up(client.socket)
 
 
 @pytest.mark.parametrize("messages", [400, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -718,19 +728,18 @@ def test_connections_that_ask_for_nothing_end_after_some_time(many_connections, 
 
 def test_spectators_who_do_not_say_their_token_make_room_for_others(join, monkeypatch):
     from websockets.exceptions import ConnectionClosed
-    from websockets.sync.client import connect
 
     monkeypatch.setattr(server, "_MOST_STRANGERS", 3)
     with web.serve(HUNT, is_paused=True) as live:
         address = live.url.partition("#")[0].replace("http", "ws") + "live"
-        silent = [connect(address, proxy=None, close_timeout=1, legacy=True) for _ in range(5)]
+        silent = [connect(address, close_timeout=1, legacy=True) for _ in range(5)]
         spectator = join(live.url)
         spectator.read(lambda client: client.bytes)
         with pytest.raises(ConnectionClosed) as closed:
             silent[0].recv(timeout=60.0)
         assert closed.value.rcvd.code == 1013  # after which a page tries again
         for one in silent:
-            one.socket.close()
+            hang_up(one)
 
 
 def test_players_and_admins_come_in_where_all_places_of_spectators_are_taken(join, monkeypatch):
