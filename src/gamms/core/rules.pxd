@@ -115,7 +115,7 @@ cdef class Tagging:
     cdef int search
     cdef i64 then
     cdef double limit, points
-    cdef bint mutual, is_last
+    cdef bint mutual, is_last, ends
     cdef const i64[::1] plays
     cdef public const i64[::1] owners
     cdef i64[::1] sides
@@ -127,6 +127,7 @@ cdef class Tagging:
     cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
     cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
     cdef bint follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except? True nogil
+    cdef bint is_ending(self, i64 number) except? True nogil
 
 
 @cython.final
@@ -193,6 +194,8 @@ cdef class TagRule(Rule):
 
     @cython.locals(number=i64, tag=i64, tagger=i64, other=i64, by=i64)
     cdef int happen(self, i64 game) except -1 nogil
+    @cython.locals(rule=i64, winner=i64, tag=i64, by=i64, team=i64)
+    cdef int _end(self, i64 game) except -1 nogil
 
 
 @cython.final
@@ -231,8 +234,9 @@ cdef class TimeLimitRule(Rule):
 
 cdef class NoneLeftRule(Rule):
     cdef i64 team, winner
+    cdef const i64[::1] members
 
-    @cython.locals(agent=i64)
+    @cython.locals(agent=i64, row=i64, has_come=bint)
     cdef int happen(self, i64 game) except -1 nogil
 
 

@@ -569,6 +569,7 @@ class Tagging:
         owners: see `Tags.add`.
         then: the effect on tagged agents: `NOTHING`, `RESPAWN`, `ELIMINATE` or `FUNCTION`.
         points: the points for the tagger's team.
+        ends: whether a tag ends the game.
         behind: the next tagging of the chain; None: this is the last.
     """
 
@@ -584,6 +585,7 @@ class Tagging:
         owners: memoryview[int],
         then: int,
         points: float,
+        ends: bool,
         behind: Tagging | None = None,
     ) -> None:
         self.contacts = contacts
@@ -595,6 +597,7 @@ class Tagging:
         self.owners = owners
         self.then = then
         self.points = points
+        self.ends = ends
         self.behind = behind
         self.is_last = behind is None
 
@@ -667,6 +670,12 @@ class Tagging:
         elif self.then == ELIMINATE:
             eliminate(games, events, game, other)
         return self.then == FUNCTION
+
+    def is_ending(self, number: int) -> bool:
+        """Return whether a tag of tagging `number`, counted from this one, ends the game."""
+        if number > 0:
+            return self.behind.is_ending(number - 1)  # type: ignore[union-attr] # there is one
+        return self.ends
 
 
 # -- flags -------------------------------------------------------------------------------------------------------------
@@ -1042,7 +1051,24 @@ class TagRule(Rule):
             by = self.tags.taggings[tag]
             if self.first.follow_up(by, self.games, self.events, game, other):
                 self.events.put(game, self.turn[0], self.number + by, CALL, tagger, other, self.tags.nodes[tag])
-        return 0
+        return self._end(game)
+
+    def _end(self, game: int) -> int:
+        """End the game if a tag does; the team wins whose agents alone have made such tags."""
+        rule = NOBODY
+        winner = NOBODY
+        for tag in range(self.tags.number):
+            by = self.tags.taggings[tag]
+            if self.first.is_ending(by):
+                team = self.games.team[self.tags.taggers[tag]]
+                if rule == NOBODY:
+                    rule = self.number + by
+                    winner = team
+                elif team != winner:
+                    winner = NOBODY
+        if rule == NOBODY:
+            return 0
+        return end_game(self.games, self.events, game, rule, winner)
 
 
 class Visitors:
@@ -1197,22 +1223,31 @@ class NoneLeftRule(Rule):
         games: see `Rule`.
         events: see `Rule`.
         number: see `Rule`.
-        team: the team, which has agents.
+        team: the team, which has agents; -1: the game goes on while none of `members` is in it.
+        members: (agents,) 1: the agent counts.
         winner: see `end_game`.
     """
 
-    def __init__(self, games: GameColumns, events: Events, number: int, *, team: int, winner: int) -> None:
+    def __init__(
+        self, games: GameColumns, events: Events, number: int, *, team: int, members: memoryview[int], winner: int
+    ) -> None:
         super().__init__(games, events, number)
         self.team = team
+        self.members = members
         self.winner = winner
 
     def happen(self, game: int) -> int:
-        """End the game if no agent of the team is alive."""
-        if not self.games.plays[game * self.games.teams + self.team]:
-            return 0
+        """End the game if none of the members is alive."""
+        has_come = self.team >= 0 and self.games.plays[game * self.games.teams + self.team] == 1
         for agent in range(self.games.agents):
-            if self.games.team[agent] == self.team and self.games.alive[self.games.row_of(game, agent)]:
-                return 0
+            if self.members[agent]:
+                row = self.games.row_of(game, agent)
+                if self.games.alive[row]:
+                    return 0
+                if self.team < 0 and self.games.home[row] >= 0:
+                    has_come = True
+        if not has_come:
+            return 0
         return end_game(self.games, self.events, game, self.number, self.winner)
 
 

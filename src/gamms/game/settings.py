@@ -29,6 +29,7 @@ from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, 
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
 from gamms.game.hints import hint_for_rule
+from gamms.game.roles import Role, get_team
 from gamms.ir.game_state import GameState
 from gamms.plain import Shape, refuse_misfit, to_plain
 from gamms.readonly import ReadOnly, ReadOnlyMapping
@@ -366,7 +367,7 @@ class RuleSpec:
     Attributes:
         prepare: called with the context when the rule is added, to look at the map and to publish facts.
         check: called with the context after all have decided, to refuse moves and deeds.
-        teams: the teams that the rule mentions; see `RuleSet.check_new`.
+        teams: the teams and roles that the rule mentions; see `RuleSet.check_new`.
         owners: teams or other owners that the rule mentions; a name that resembles that of a team is refused.
         starts_of: texts of teams whose starts the rule reads.
         may_create_agents: whether the rule calls a function of the user, which may create agents.
@@ -754,11 +755,12 @@ class RuleSet:
     def check_new(self) -> None:
         """Refuse new rules that mention a team that never had agents and was not declared by `create_team`.
 
-        If a rule of the user may create its agents, a warning is logged instead, unless the name resembles that of
-        another team. New rules without an effect are warned about, too.
+        So are rules that mention a role with names or attributes that no agent of its team has. If a rule of the user
+        may create its agents, a warning is logged instead, unless the name resembles that of another team. New rules
+        without an effect are warned about, too.
 
         Raises:
-            UnknownName (KeyError): a rule mentions such a team.
+            UnknownName (KeyError): a rule mentions such a team or role.
         """
         block = self._ctx.agent.block  # without making agents of large teams
         teams = sorted({*block.teams, *block.team_rows} - {None}, key=str)
@@ -768,8 +770,20 @@ class RuleSet:
                 if not may_come or nearest(team, teams):
                     raise UnknownName("team", team, teams, _no_agents_of(team, named.name))
                 self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
+            self._check_roles(named, may_come=may_come)
             self._warn_of_idle(named)
         self.unchecked.clear()
+
+    def _check_roles(self, named: NamedRule, *, may_come: bool) -> None:
+        """Refuse a rule with a role that no agent has; see `check_new`."""
+        for role in [one for one in named.spec.teams if isinstance(one, Role)]:
+            members = self._ctx.agent.teams.get(role.team, [])
+            flaw = role.find_flaw(members) if members else None
+            if flaw is not None and not may_come:
+                flaw.add_note(f"The rule {named.name!r} mentions it.")
+                raise flaw
+            if flaw is not None:
+                self._ctx.logger.warning(f"{named.name}: {flaw} No agent has this role.")
 
     def _warn_of_idle(self, named: NamedRule) -> None:
         """Log a warning if a rule looks for the same as an earlier rule, so that one of them has no effect."""
@@ -785,7 +799,8 @@ class RuleSet:
 
 def _unknown_teams(spec: RuleSpec, teams: Sequence[Hashable]) -> Iterator[Hashable]:
     """Yield the teams that a rule mentions and that are not among the teams of a game."""
-    yield from (team for team in spec.teams if team not in teams and team is not None)
+    named = dict.fromkeys(map(get_team, spec.teams))
+    yield from (team for team in named if team not in teams and team is not None)
     yield from (text for text in spec.starts_of if text not in map(str, teams))
     others = [team for team in teams if team not in spec.owners]
     unknown = (owner for owner in spec.owners if owner not in teams and owner is not None)

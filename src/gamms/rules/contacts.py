@@ -6,12 +6,13 @@ A turn is the time from 0 to 1; `gamms.core.contacts` finds the contacts.
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_context, as_flag, as_items, as_key, as_range, names_keywords
+from gamms.arguments import as_context, as_flag, as_items, as_range, names_keywords
 from gamms.context import Context
 from gamms.core.contacts import Contacts
 from gamms.core.rules import Tagging, fill_steps
 from gamms.errors import BadType, BadValue
 from gamms.game.block.in_core import ContactOptions, RuleBuilder
+from gamms.game.roles import as_team_or_role
 from gamms.rules.in_core import tagging
 from gamms.rules.meetings import Side, in_air, made_for, turn_of
 from gamms.text import shown
@@ -51,7 +52,8 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
 
     Args:
         ctx: the context.
-        a: one side: a team, or a function that returns whether an agent is on this side.
+        a: one side: a team, a role such as `{"team": "red", "names": ["truck"]}` or `{"team": "red", "where": {"kind":
+            "drone"}}`, or a function that returns whether an agent is on this side.
         b: the other side, given in the same way. No agent meets itself.
         hops: maximum number of edges between agents, by the shortest path in either direction.
         metres: maximum length of this path.
@@ -114,12 +116,12 @@ def as_nearness(
 
 
 def as_side(side: Side) -> Side:
-    """Check that a side is a team or a function of an agent.
+    """Return a side: a team, a `Role`, or a function of an agent.
 
     Raises:
-        BadType: a team is not a valid key.
+        BadType, BadValue, UnknownName (KeyError): a team or role is invalid.
     """
-    return side if callable(side) else as_key(side, "A team")
+    return side if callable(side) else as_team_or_role(side)
 
 
 def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Contact]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import partial
-from typing import Annotated, Any, overload
+from typing import Annotated, Any, cast, overload
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_key, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.block.in_core import ONE_THAT_SHOWS
+from gamms.game.roles import as_team_or_role, get_team, is_role
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import as_node_id, label_hint
 from gamms.plain import NAME, TEXT, at, dict_of
@@ -17,7 +18,7 @@ from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import GameRule, player_of
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
-from gamms.typing.game import TEAMS, Team
+from gamms.typing.game import TEAMS, Member, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 _STARTS = "starts of "
@@ -45,7 +46,7 @@ LEADER = _UndecidedWinner("LEADER")
 def reach(team: Mapping[Any, Nodes], *, score: float = 0, passing: bool = True) -> Rule: ...
 @overload
 def reach(
-    team: Hashable, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
+    team: Member, nodes: Nodes, *, winner: Hashable = ITS_TEAM, score: float = 0, passing: bool = True
 ) -> Rule: ...
 @shown_as_called
 def reach(
@@ -63,7 +64,7 @@ def reach(
     `contacts` for the times within a turn.
 
     Args:
-        team: the team of the agents; or a mapping from teams to `nodes`, if several teams compete.
+        team: the team or role of the agents; or a mapping from teams to `nodes`, if several teams compete.
         nodes: one node, several, or the text "starts of X": the nodes on which the agents of team X began.
         winner: the team that wins, None for no team; by default the team that reached its goal.
         score: points for each team that reached its goal.
@@ -74,27 +75,31 @@ def reach(
         BadType, BadValue: an argument is invalid, or a winner is given for several teams.
         UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
-    given = team if isinstance(team, Mapping) else {as_key(team, "team"): nodes}
-    if isinstance(team, Mapping) and nodes is not None:
+    is_one = not isinstance(team, Mapping) or (nodes is not None and is_role(team))
+    given: Mapping[Any, object] = (
+        {as_team_or_role(team, "team"): nodes} if is_one else cast("Mapping[Any, object]", team)
+    )
+    if nodes is not None and not is_one:
         raise BadValue(f"nodes={shown(nodes)} is not allowed here: {shown(team)} already has the nodes of each team.")
     if winner is not ITS_TEAM and len(given) > 1:
         raise BadValue(f"winner={shown(winner)} is for one team, but {list(given)} compete: the first to arrive wins.")
     teams = sorted((as_key(one, "A team") for one in given), key=str)
-    goals = {one: _as_goal(given[one], one) for one in teams}
+    goals = {one: _as_goal(given[one], get_team(one)) for one in teams}
     named = [*goals, *_named_winner(winner)]
+    shown_goals = {get_team(one): goal for one, goal in goals.items()}
     as_float(score, "score")
     as_flag(passing, "passing")
 
     def prepare(ctx: Context) -> None:
         refuse_unknown(ctx, {node for goal in goals.values() if not isinstance(goal, str) for node in goal})
-        _publish(ctx, goals)
+        _publish(ctx, shown_goals)
 
     def reach(ctx: Context) -> None:
         player(ctx)()
 
     def play(made: GameRule, ctx: Context) -> None:
         if ctx.game.turn == 1:  # now starts are known
-            _publish(ctx, goals)
+            _publish(ctx, shown_goals)
         made.play(ctx)
 
     form = in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
@@ -115,14 +120,14 @@ def reach(
 
 
 @shown_as_called
-def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) -> Rule:
+def arrive(team: Member, nodes: Nodes, *, score: float = 1, passing: bool = True) -> Rule:
     """Make a rule that scores each agent on the ground that reaches a goal of its team, and takes it out of the game.
 
     Each arrival is an event `arrive` with `agent` and `node`. The game goes on; `none_left(team)` ends it when the team
     has no agents left.
 
     Args:
-        team: the team of the agents.
+        team: the team or role of the agents.
         nodes: one node, several, or the text "starts of X": the nodes on which the agents of team X began.
         score: points for the team for each agent.
         passing: whether nodes that agents only pass count; False: only the nodes at the end of the turn.
@@ -131,8 +136,9 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
         BadType, BadValue: an argument is invalid.
         UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
-    goals: dict[Any, frozenset[int] | str] = {as_key(team, "team"): _as_goal(nodes, team)}
-    goal = goals[team]
+    member = as_team_or_role(team, "team")
+    goal = _as_goal(nodes, get_team(member))
+    goals: dict[Any, frozenset[int] | str] = {get_team(member): goal}
     points = as_float(score, "score")
     counts_passing = as_flag(passing, "passing")
 
@@ -148,7 +154,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             _publish(ctx, goals)
         made.play(ctx)
 
-    form = in_core("arrive", team, goal, points, counts_passing)
+    form = in_core("arrive", member, goal, points, counts_passing)
     player = partial(player_of, form=form, play=play)
     return declared(
         arrive,
@@ -156,7 +162,7 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
             prepare=prepare,
             drawer=render_goals,
             uses_scores=True,
-            teams=list(goals),
+            teams=[member],
             keeps=_PUBLISHED,
             starts_of=[goal] if isinstance(goal, str) else [],
             core_form=form if fits_core(points) else None,
@@ -209,23 +215,25 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
 
 
 @shown_as_called
-def none_left(team: Team, winner: Team = LEADER) -> Rule:
+def none_left(team: Member, winner: Team = LEADER) -> Rule:
     """Make a rule that ends the game when a team has no living agents, on the ground or in the air.
 
     Args:
-        team: the team; a team that never had an agent does not end the game.
+        team: the team or role. A team that never had an agent does not end the game; neither does a role that no agent
+            has, dead or alive.
         winner: the team that wins, None for no team; by default the team that alone has the highest score.
 
     Raises:
         BadType: `team` or `winner` is not a valid team.
     """
-    named = [as_key(team, "team"), *_named_winner(winner)]
-    reason = f"all agents of {team} arrived or were eliminated"
+    member = as_team_or_role(team, "team")
+    named = [member, *_named_winner(winner)]
+    reason = f"all agents of {member} arrived or were eliminated"
 
     def none_left(ctx: Context) -> None:
         player(ctx)()
 
-    form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
+    form = in_core("none_left", member, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
     player = partial(player_of, form=form, follows=False)
     return declared(
         none_left,
@@ -270,14 +278,6 @@ def as_nodes(given: object, name: str) -> frozenset[int]:
     if not nodes:
         raise BadValue(f"{name} is missing: give one or more node ids.")
     return nodes
-
-
-def as_teams(given: object) -> frozenset[Hashable] | None:
-    """Return one team, or several, as a set; None: all."""
-    if given is None:
-        return None
-    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
-    return frozenset(as_key(team, "A team") for team in several)
 
 
 def state_of(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[str, Any]:

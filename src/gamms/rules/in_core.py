@@ -21,11 +21,13 @@ from gamms.game.block.in_core import (
 )
 from gamms.game.block.state import Arrays
 from gamms.game.conflicts import flat
+from gamms.game.roles import Role
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.meetings import Side, ask, search_for
 
 _NOTHING = ints(0)
+_TAGGED = "an agent was tagged"
 _MOST_EXACT = 1 << 53  # of integers as floats
 
 
@@ -72,7 +74,14 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
         behind = tagging(making, sides, purpose, turn, **arguments, behind=behind)
     if behind is None:
         raise BadValue("A tag rule needs at least one pair of sides.")
-    played = [CompiledRule(one.score or None, then=None if isinstance(one.then, str) else one.then) for one in taggings]
+    played = [
+        CompiledRule(
+            one.score or None,
+            reason=_TAGGED if one.ends else "",
+            then=None if isinstance(one.then, str) else one.then,
+        )
+        for one in taggings
+    ]
     return rules.TagRule(
         making.games,
         making.events,
@@ -97,6 +106,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
     score: float = 0,
     ground: Ground | None = None,
     mutual: bool = False,
+    ends: bool = False,
     behind: rules.Tagging | None = None,
 ) -> rules.Tagging:
     """Make one tag rule of a game, in front of the others; also used for contacts alone.
@@ -111,6 +121,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         score: see `gamms.rules.tag`.
         ground: the territory.
         mutual: see `gamms.rules.tag`.
+        ends: see `gamms.rules.tag`.
         behind: the next tag rule; None: there is none.
     """
     of_tracks = ints(making.room)
@@ -133,6 +144,7 @@ def tagging(  # noqa: PLR0913 - all that a tag rule is
         plays,
         of_tracks,
         mutual=mutual,
+        ends=ends,
         owners=making.owners(ground),
         then=rules.THEN[then if isinstance(then, str) else "function"],
         points=score,
@@ -214,18 +226,26 @@ def time_limit(last: int, winner: object, making: RuleBuilder) -> rules.Rule:
     return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner, making))
 
 
-def none_left(team: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
-    """Make `gamms.rules.none_left`; for a team without agents, a rule that does nothing."""
-    if team not in making.roster.teams:
+def none_left(member: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
+    """Make `gamms.rules.none_left` for a team or a role; for a team without agents, a rule that does nothing."""
+    team = making.team(member)
+    if team < 0:
         return _nothing(making)
     number = making.number(CompiledRule(reason=reason, winner=winner))
-    return rules.NoneLeftRule(making.games, making.events, number, team=making.team(team), winner=_code(winner, making))
+    return rules.NoneLeftRule(
+        making.games,
+        making.events,
+        number,
+        team=-1 if isinstance(member, Role) else team,
+        members=making.plays([member]),
+        winner=_code(winner, making),
+    )
 
 
 def reach(
     goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: RuleBuilder
 ) -> rules.Rule:
-    """Make `gamms.rules.reach`; the winner is a team or `ONE_THAT_SHOWS`."""
+    """Make `gamms.rules.reach`; the goals are those of teams and roles, the winner a team or `ONE_THAT_SHOWS`."""
     roster = making.roster
     rows = {team: making.rows(sorted(goal)) for team, goal in goals.items() if not isinstance(goal, str)}
     is_goal = np.zeros((making.num_nodes, len(roster.teams)), np.int64)
@@ -250,7 +270,7 @@ def reach(
         making.games,
         making.events,
         making.number(CompiledRule(score or None, winner=winner)),
-        visitors=making.visitors(at_end=not passing),
+        visitors=making.visitors([*goals], at_end=not passing),
         goals=flat(is_goal, np.int64),
         starters=making.list_by_agent(are_starters, width=len(roster.teams)) if starters else _NOTHING,
         order=flat(np.array(order, np.int64), np.int64),
@@ -259,11 +279,10 @@ def reach(
     )
 
 
-def arrive(
-    team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder
-) -> rules.Rule:
-    """Make `gamms.rules.arrive`; for a team without agents, a rule that does nothing."""
-    if team not in making.roster.teams:
+def arrive(member: Any, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder) -> rules.Rule:
+    """Make `gamms.rules.arrive` for a team or a role; for a team without agents, a rule that does nothing."""
+    team = making.team(member)
+    if team < 0:
         return _nothing(making)
     starters = _NOTHING
     rows = np.zeros(0, np.int64)
@@ -272,13 +291,13 @@ def arrive(
     else:
         rows = making.rows(sorted(goal))
     owners = np.full(making.num_nodes, -1)
-    owners[rows] = making.team(team)
+    owners[rows] = team
     return rules.ArriveRule(
         making.games,
         making.events,
         making.number(CompiledRule(points)),
-        visitors=making.visitors(at_end=not passing),
-        team=making.team(team),
+        visitors=making.visitors([member], at_end=not passing),
+        team=team,
         owners=flat(owners, np.int64),
         starters=starters,
         points=points,

@@ -36,6 +36,7 @@ from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
+from gamms.game.roles import has_attributes
 from gamms.game.turn import TurnEngine
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
@@ -55,7 +56,8 @@ _NOWHERE = 0.0, 0.0, 0.0
 UNKNOWN_PLACE = 4  # a flag of legs, see `core.Legs`
 
 
-Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
+Side = Annotated[Hashable | Mapping[str, object] | Callable[[IAgent], object], TEAMS]
+"""A team, a role, or a function of an agent."""
 Form = Callable[[RuleBuilder], object]  # returns a `Rule` of the core, or a `Tagging` for contacts alone
 
 
@@ -108,6 +110,7 @@ class Roster:
     Args:
         block: the agents.
         gone: the teams of deleted agents.
+        get_agent: returns the agent of a name.
 
     Attributes:
         room: the number of agents for which the columns have room.
@@ -126,8 +129,9 @@ class Roster:
     flies: BoolArray
     table: AgentTable
 
-    def __init__(self, block: AgentBlock, gone: Collection[Hashable]) -> None:
+    def __init__(self, block: AgentBlock, gone: Collection[Hashable], get_agent: Callable[[str], IAgent]) -> None:
         agents = len(block) - len(block.removed)
+        self._get_agent = get_agent
         self.room = agents + agents // 8 + _MORE_AGENTS
         self.names: list[str] = []
         self.teams: list[Hashable] = []
@@ -189,7 +193,9 @@ class Roster:
         team_of = self._team[:agents]
         team_of[:] = [number[team] for team in teams]
         everyone = np.ones(agents, np.bool_)
-        self.table = AgentTable(tuple(names), self._all_teams, team_of, self._keys, [], everyone, everyone, self.flies)
+        by_number = _AgentsByNumber(names, self._get_agent)
+        masks = everyone, everyone, self.flies
+        self.table = AgentTable(tuple(names), self._all_teams, team_of, self._keys, by_number, *masks)
         self.games.agents = agents
         self.games.order = self.rows.data
 
@@ -216,6 +222,20 @@ class Roster:
             number = self.number[agent.name]
             found[number] = takes_part[number] and bool(side(agent))
         return found
+
+
+class _AgentsByNumber(Sequence[Any]):
+    """Agents by their numbers, each made when it is read."""
+
+    def __init__(self, names: Sequence[str], get_agent: Callable[[str], IAgent]) -> None:
+        self._names = names
+        self._get_agent = get_agent
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getitem__(self, number: int) -> IAgent:  # type: ignore[override] # slices are not needed
+        return self._get_agent(self._names[number])
 
 
 def _sort_by_name(block: AgentBlock) -> tuple[list[int], list[str], list[Hashable]]:
@@ -279,7 +299,13 @@ class GameRules(RuleBuilder):
                 function()
 
     def list_by_agent(
-        self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
+        self,
+        values: Callable[[], NumberArray],
+        kind: type[np.generic] = np.int64,
+        *,
+        absent: int = 0,
+        width: int = 1,
+        members: Iterable[Hashable] = (),
     ) -> Any:
         """Return an array (room * width,) of values that depend on the agents, kept up to date; see `follow_agents`."""
         found = np.zeros(self.room * width, kind)
@@ -290,6 +316,8 @@ class GameRules(RuleBuilder):
             found[len(present) :] = absent
 
         self._on_changed_agents(take)
+        if has_attributes(members):
+            self._in_each_turn(lambda _: take())
         return found.data
 
     def _on_changed_agents(self, function: Callable[[], None]) -> None:
@@ -865,7 +893,7 @@ class GameContacts(MovesForRules):
             if self.tracks is not None:
                 self.tracks.follow_agents()
         else:
-            roster = Roster(block, gone)
+            roster = Roster(block, gone, ctx.agent.get_agent)
             self._roster = roster
             self.steps = TurnContacts(self, roster, are_steps=True)
             self.tracks = None

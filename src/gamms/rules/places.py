@@ -8,6 +8,7 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered, UnknownName
+from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import (
@@ -26,11 +27,11 @@ from gamms.plain import (
     whole,
     why_not_plain,
 )
-from gamms.rules.endings import all_know, as_nodes, as_teams, refuse_unknown, state_of
+from gamms.rules.endings import all_know, as_nodes, refuse_unknown, state_of
 from gamms.rules.meetings import nodes_within
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
-from gamms.typing.game import TEAMS
+from gamms.typing.game import TEAMS, Move, Visit
 from gamms.visual.drawers.rules import as_text
 from gamms.visual.drawers.standings import DISCOVERED, HELD, render_discovered, render_held
 
@@ -60,7 +61,7 @@ def hold(
         score: points for a team whose count is full.
         ends: whether the team then wins and the game ends; False: the count starts again, so `turns=1` gives points for
             every turn.
-        teams: teams that may hold the place, one or several; None: all. Other teams can only contest it.
+        teams: teams or roles that may hold the place, one or several; None: all. Other teams can only contest it.
         key: key of the rule's state; a second `hold` rule needs another key.
 
     Raises:
@@ -73,7 +74,7 @@ def hold(
         as_flag(every, "every"),
         as_float(score, "score"),
         as_flag(ends, "ends"),
-        as_teams(teams),
+        as_teams_and_roles(teams),
         as_name(key, "the state of the rule"),
     )
 
@@ -120,10 +121,9 @@ class _HoldRule(NamedTuple):
     def play(self, ctx: Context) -> None:
         """Count a turn."""
         state = self._state(ctx)
-        there = _teams_on(ctx, self.nodes)
-        able = [
-            team for team, on in there.items() if (on == self.nodes or not self.every) and team in (self.teams or there)
-        ]
+        there = _teams_on(ctx, self.nodes, None)
+        holding = there if self.teams is None else _teams_on(ctx, self.nodes, self.teams)
+        able = [team for team, on in holding.items() if on == self.nodes or not self.every]
         if state["team"] not in able:
             state["team"] = None
             state["turns"] = 0
@@ -143,14 +143,15 @@ class _HoldRule(NamedTuple):
             state["turns"] = 0
 
 
-def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
-    """Return team -> the nodes of a place on which it has living agents."""
+def _teams_on(ctx: Context, place: frozenset[int], members: frozenset[Any] | None) -> dict[Any, set[int]]:
+    """Return team -> the nodes of a place on which it has living agents of these teams and roles; None: of all."""
     block = ctx.agent.block
     there: dict[Any, set[int]] = {}
     numbers = {block.numbers.number(node) for node in place}
     for row in [row for row, number in enumerate(block.node) if number in numbers]:
         counts = block.alive[row] and not block.kind[row] and row not in block.removed
-        if counts and block.teams[row] is not None:
+        counts = counts and block.teams[row] is not None
+        if counts and (members is None or is_among(ctx.agent.get_agent(block.names[row]), members)):
             there.setdefault(block.teams[row], set()).add(block.node_of(row))
     return there
 
@@ -175,7 +176,7 @@ def discover(
         nodes: one node, several, or node -> contents, for example "flag" or "decoy": any plain value.
         hops: number of edges that an agent on the ground sees ahead without sensors.
         score: points for each team that is the first to discover a node; two teams in the same turn both get them.
-        teams: teams that discover nodes, one or several; None: all.
+        teams: teams or roles that discover nodes, one or several; None: all.
         key: key of the rule's state and facts; a second `discover` rule needs another key.
 
     Raises:
@@ -190,7 +191,7 @@ def discover(
     state_key = as_name(key, "the state of the rule")
     points = as_float(score, "score")
     radius = as_range(hops, "hops")
-    game = _DiscoveryRule(what, as_teams(teams), points, radius, state_key)
+    game = _DiscoveryRule(what, as_teams_and_roles(teams), points, radius, state_key)
 
     def discover(ctx: Context) -> None:
         game.play(ctx)
@@ -240,7 +241,7 @@ class _DiscoveryRule(NamedTuple):
         hidden = _NodeIndex(np.array([*self.what], np.int64), ctx.graph.graph.positions([*self.what]))
         for agent in ctx.game.agents:
             team = agent.team
-            if team is None or not (self.teams is None or team in self.teams):
+            if team is None or not is_among(agent, self.teams):
                 continue
             if team not in known:
                 known[team] = set(by.get(team, ()))
@@ -280,7 +281,8 @@ def idleness(
 
     Args:
         nodes: the nodes to patrol; None: all nodes that the map has when the rule is added.
-        teams: the patrolling teams, one or several; None: all agents.
+        teams: the patrolling teams or roles, one or several; None: all agents. Agents that were deleted in the turn
+            count for whole teams only.
         key: key of the rule's state; a second `idleness` rule needs another key.
 
     Raises:
@@ -289,7 +291,7 @@ def idleness(
     """
     patrol = _IdlenessRule(
         None if nodes is None else as_nodes(nodes, "A node to patrol"),
-        as_teams(teams),
+        as_teams_and_roles(teams),
         as_name(key, "the state of the rule"),
     )
 
@@ -351,14 +353,17 @@ class _IdlenessRule(NamedTuple):
         began = ctx.game.turn - 1.0
         for move in ctx.game.moves.values():
             place = move.places[0]  # where the agent was before, also if it has just come
-            if self._counts(move.team) and place in row_of:
+            if place in row_of and self._counts(ctx, move):
                 _note(state, row_of[place], began, began)
         for visit in ctx.game.visits():
-            if self._counts(visit.team) and visit.node in row_of:
+            if visit.node in row_of and self._counts(ctx, visit):
                 _note(state, row_of[visit.node], visit.time, visit.until)
 
-    def _counts(self, team: Hashable) -> bool:
-        return self.teams is None or team in self.teams
+    def _counts(self, ctx: Context, one: Move | Visit) -> bool:
+        if self.teams is None or one.team in self.teams:
+            return True
+        agent = ctx.agent.agents.get(one.agent)
+        return agent is not None and is_among(agent, self.teams)
 
 
 def _note(state: dict[str, Any], row: int, time: float, until: float) -> None:

@@ -10,10 +10,11 @@ from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, 
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.deeds import fields_of
+from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, as_node_id, shortest_edges
 from gamms.plain import NUMBER, TEXT, at, dict_of, record, whole
-from gamms.rules.endings import as_teams, refuse_unknown, state_of
+from gamms.rules.endings import refuse_unknown, state_of
 from gamms.rules.meetings import TraveledEdges
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
@@ -61,7 +62,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         recharge: node -> amount gained at the end of each turn there; for flying agents, if this is their nearest node.
         capacity: maximum amount of each agent; None: the initial amount.
         empty: effect on an agent that has nothing left: "stay" where it is, or "eliminate".
-        teams: teams with the resource, one or several; None: all agents.
+        teams: teams or roles with the resource, one or several; None: all agents.
 
     Raises:
         BadType, BadValue: an argument is invalid.
@@ -83,7 +84,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         {deed: as_range(price, f"per_deed[{shown(deed)}]") for deed, price in prices.items()},
         {as_node_id(node, "A node to recharge"): as_range(rate, f"recharge[{node}]") for node, rate in rates.items()},
         as_choice(empty, "empty", _EMPTY) == "eliminate",
-        as_teams(teams),
+        as_teams_and_roles(teams),
     )
     lengths = _MoveLengths()
 
@@ -245,7 +246,7 @@ class _ResourceRule(NamedTuple):
         return [agent for _, agent in sorted(ctx.agent.agents.items()) if self._counts(agent)]
 
     def _counts(self, agent: IAgent) -> bool:
-        return self.teams is None or agent.team in self.teams
+        return is_among(agent, self.teams)
 
     def _price(self, ctx: Context, move: Move, lengths: _MoveLengths) -> float:
         edges = sum(start != end for start, end in pairwise(move.path))

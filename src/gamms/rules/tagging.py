@@ -13,11 +13,12 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import ContactOptions
 from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.roles import as_teams_and_roles
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.plain import TEXT, at, dict_of, record, whole
 from gamms.rules.contacts import as_nearness, as_side
-from gamms.rules.endings import all_know, as_teams, state_of
+from gamms.rules.endings import all_know, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import GameRule, Side, player_of
 from gamms.rules.territory import Territory, TerritorySource, as_territory, owners_of, shapes_of_grounds
@@ -47,6 +48,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     score: float = 1,
     territory: Territory | str | None = None,
     mutual: bool = False,
+    ends: bool = False,
 ) -> Rule:
     """Make a rule that lets each tagger tag one agent that it meets in a turn: the earliest, then the nearest.
 
@@ -59,7 +61,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     smallest distance, as a number of its own unit, then the first by the text of its call.
 
     Args:
-        taggers: a team, or a function that returns whether an agent is on this side.
+        taggers: a team, a role such as `{"team": "red", "names": ["truck"]}` or `{"team": "red", "where": {"kind":
+            "drone"}}`, or a function that returns whether an agent is on this side.
         tagged: the other side, given in the same way.
         hops: maximum number of edges between agents; see `contacts`. Without any of these three, agents must be on the
             same node, or pass each other on an edge.
@@ -74,16 +77,21 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         territory: node -> team, or the name of a fact with this mapping: an agent can be tagged only at a node of the
             tagger's team.
         mutual: whether both agents of a pair are tagged; with a territory, only the agent on the other's territory.
+        ends: whether a tag ends the game: the tagger's team wins; if agents of several teams tag in this turn, no team
+            does.
 
     Raises:
         BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): a key of a role is unknown; when the game begins: a team, or what a role says of its
+            agents.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     sides = as_side(taggers), as_side(tagged)
     then_checked = _as_then(then)
     ground = as_territory(territory)
     as_float(score, "score")
-    return _rule_of([_TagRule(*sides, nearness, then_checked, score, ground, mutual=as_flag(mutual, "mutual"))])
+    flags = {"mutual": as_flag(mutual, "mutual"), "ends": as_flag(ends, "ends")}
+    return _rule_of([_TagRule(*sides, nearness, then_checked, score, ground, **flags)])
 
 
 class _TagRule(NamedTuple):
@@ -96,6 +104,7 @@ class _TagRule(NamedTuple):
     score: float
     ground: TerritorySource | None
     mutual: bool
+    ends: bool
 
     @property
     def sides(self) -> tuple[Side, Side]:
@@ -157,14 +166,14 @@ def respawn(
     Args:
         after: number of turns that an agent misses.
         times: the maximum number of returns of each agent; None: no limit.
-        teams: teams whose agents return, one or several; None: all.
+        teams: teams or roles whose agents return, one or several; None: all.
 
     Raises:
         BadType, BadValue: an argument is invalid.
     """
     wait = as_count(after, "after")
     most = None if times is None else as_count(times, "times")
-    those = as_teams(teams)
+    those = as_teams_and_roles(teams)
     named = sorted(those or (), key=str)
     key = " ".join(["respawn", *map(str, named)])
 

@@ -4,11 +4,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 from itertools import chain, islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gamms.arguments import annotations_of, as_int, as_member
 from gamms.errors import nearest
 from gamms.game.channels import as_channel
+from gamms.game.roles import as_team_or_role, is_role
 from gamms.game.settings import checked_setting
 from gamms.plain import Plain
 from gamms.scenario import maps
@@ -223,7 +224,11 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
         path = reduce(joined, ("with", name), one.path)
         if is_call(given):
             continue
-        listed = given if isinstance(given, (dict, list)) else [given]
+        is_several = isinstance(given, (dict, list)) and ("team" in spec.teams or not is_role(given))
+        listed: Any = given if is_several else [given]
+        for number, role in enumerate(listed):
+            if isinstance(role, dict):
+                _check_role(role, spec, path if role is given else joined(path, number))
         teams = [team for team in listed if isinstance(team, (str, int, float))]
         unknown = (team for team in teams if team not in spec.teams)
         if names == OWNERS:  # other values are allowed, unless they look like misspelled teams
@@ -231,6 +236,20 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
             unknown = (team for team in islice(unknown, _FEW) if nearest(team, without))
         for team in unknown:
             _known_team(team, spec, path)
+
+
+def _check_role(given: Plain, spec: Spec, path: str) -> None:
+    """Check a role that a rule takes instead of a team: its form, its team, and the names of its agents."""
+    with at(path):
+        role = as_team_or_role(given)
+    _known_team(role.team, spec, joined(path, "team"))
+    if any(code.what == "rule" and ":" in code.reference for code in code_in(spec)):
+        return  # it may create the agents
+    known = [one.name for one in members(spec)[str(role.team)]]
+    for name in sorted(role.names or ()):
+        if name not in known:
+            hint = nearest(name, known) or f" Its agents are: {', '.join(islice(known, _FEW))}."
+            raise ScenarioError(joined(path, "names"), f"team {shown(role.team)} has no agent {shown(name)}.{hint}")
 
 
 def _check_complete(path: str, listed: list[str], teams: Iterable[str]) -> None:

@@ -818,7 +818,7 @@ class _PursuitRules(NamedTuple):
 def _is_capture(part: Any) -> bool:  # Any: what `tag` was called with
     """Return whether a tag takes out each agent that shares a node with a tagger."""
     usual = ContactOptions(None, 0.0, crossing=part.nearness.crossing, air=part.nearness.air, passing=True)
-    is_simple = part.nearness == usual and part.ground is None and not part.mutual
+    is_simple = part.nearness == usual and part.ground is None and not (part.mutual or part.ends)
     return is_simple and part.then == "eliminate" and not any(map(callable, (part.taggers, part.tagged)))
 
 

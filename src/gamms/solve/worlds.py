@@ -22,6 +22,7 @@ from gamms.game.block.columns import AgentTable, roster_of
 from gamms.game.block.state import Columns
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.hidden_state import HiddenState
+from gamms.game.roles import Role
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -321,6 +322,8 @@ def _find_interchangeable(ctx: Context, setup: GameSetup) -> list[IntArray]:
     if not is_decided or game.settings()["conflicts"] is not None:
         return []
     if not all(name_shipped_rule(rule) in _OF_TEAMS for rule in game.rules):
+        return []
+    if any(isinstance(member, Role) for rule in game.rules for member in rule.spec.teams):
         return []
     parts = chain.from_iterable(rule.spec.parts for rule in game.rules if name_shipped_rule(rule) == "tag")
     goes_back = any(part.then != "eliminate" for part in parts)

@@ -431,6 +431,10 @@ Team = Annotated[Hashable, TEAMS]
 """A parameter of a rule that names teams: scenario files are checked for misspelled teams."""
 
 
+Member = Annotated[Hashable | Mapping[str, Any], TEAMS]
+"""The same for a team or a role: some agents of a team, such as `{"team": "red", "names": ["truck"]}`."""
+
+
 def team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
     """Return the parameters of a function that are annotated as teams: name -> TEAMS or OWNERS."""
     found: dict[str, str] = {}

@@ -12,6 +12,7 @@ from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mappi
 from gamms.core import strategies as core
 from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.result import Result
+from gamms.game.roles import Role
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
 from gamms.game.strategy_specs import key_of, strategy_spec_of
@@ -172,7 +173,7 @@ class AgentTable(NamedTuple):
     teams: tuple[Hashable, ...]
     team_of: IntArray
     keys: BitArray
-    agents: list[Any]  # `IAgent`, or `ComingAgent`
+    agents: Sequence[Any]  # `IAgent`, or `ComingAgent`
     is_first: BoolArray
     is_public: BoolArray
     flies: BoolArray
@@ -248,9 +249,20 @@ class AgentTable(NamedTuple):
         return np.array([[known.get(name, default) for name in self.names]])
 
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
-        """Return whether each agent is in one of these teams, (agents,); None: all agents are."""
+        """Return whether each agent is in one of these teams, or has one of these `Role`s, (agents,); None: all."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
-        return is_in[self.team_of]
+        found: BoolArray = is_in[self.team_of]
+        for role in teams or ():
+            if isinstance(role, Role):
+                for number in np.flatnonzero(self.plays_for([role.team])).tolist():
+                    found[number] |= self._has(number, role)
+        return found
+
+    def _has(self, number: int, role: Role) -> bool:
+        """Return whether an agent of the team of a role has it; the attributes of agents that may come are unknown."""
+        agent = self.agents[number] if role.where else None
+        type = AgentType.AERIAL if self.flies[number] else AgentType.BASIC
+        return role.fits(self.names[number], type, getattr(agent, "__dict__", {}))
 
     def part_of(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
         """Return the part of the turn in which each agent moves, for an order of play, (agents,)."""

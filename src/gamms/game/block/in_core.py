@@ -34,6 +34,7 @@ from gamms.game.movement.courses import Courses, Paths, paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, no_way
+from gamms.game.roles import get_team, has_attributes
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.agents import Position
@@ -151,7 +152,13 @@ class RuleBuilder(ABC):
 
     @abstractmethod
     def list_by_agent(
-        self, values: Callable[[], NumberArray], kind: type[np.generic] = np.int64, *, absent: int = 0, width: int = 1
+        self,
+        values: Callable[[], NumberArray],
+        kind: type[np.generic] = np.int64,
+        *,
+        absent: int = 0,
+        width: int = 1,
+        members: Iterable[Hashable] = (),
     ) -> Any:
         """Return an array (room * width,) of values that depend on the agents.
 
@@ -160,6 +167,7 @@ class RuleBuilder(ABC):
             kind: their type.
             absent: the value behind the last agent.
             width: the number of values of an agent.
+            members: teams and roles on which the values depend; attributes that roles ask for may change.
         """
 
     def number(self, *played: CompiledRule) -> int:
@@ -171,15 +179,19 @@ class RuleBuilder(ABC):
         """Return the tracks of the agents of a game, with these sides."""
         return contacts.Tracks(len(self.roster.names), self.most, *self.columns, sides, at_end=at_end)
 
-    def visitors(self, *, at_end: bool) -> Visitors:
-        """Return the agents on the ground, with the nodes that they visit."""
+    def visitors(self, members: Collection[Hashable] | None = None, *, at_end: bool) -> Visitors:
+        """Return the agents on the ground, or those of some teams and roles, with the nodes that they visit."""
         sides = ints(self.room)
         tracks = self.tracks(sides, at_end=at_end)
-        return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
+        return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(members, air=False), sides)
 
-    def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
-        """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
-        return self.list_by_agent(lambda: self.roster.plays_for(teams) & (air | ~self.roster.flies))
+    def plays(self, members: Collection[Hashable] | None, *, air: bool = True) -> Any:
+        """Return 1 for each agent of these teams and roles, else 0; None: all. `air` includes flying agents."""
+
+        def values() -> BoolArray:
+            return self.roster.plays_for(members) & (air | ~self.roster.flies)
+
+        return self.list_by_agent(values, members=members or ())
 
     def sides(self, ours: object, theirs: object, *, air: bool) -> Any:
         """Return the sides of agents, (agents,), for `contacts.Tracks`."""
@@ -188,10 +200,11 @@ class RuleBuilder(ABC):
             both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
             return both[0] + 2 * both[1]
 
-        return self.list_by_agent(values)
+        return self.list_by_agent(values, members=(ours, theirs))
 
-    def team(self, team: Hashable) -> int:
-        """Return the number of a team; -1: no agent plays for it."""
+    def team(self, member: Hashable) -> int:
+        """Return the number of a team, or of the team of a role; -1: no agent plays for it."""
+        team = get_team(member)
         teams = self.roster.teams
         return teams.index(team) if team in teams else -1
 
@@ -311,6 +324,7 @@ class BatchRules(RuleBuilder):
         *,
         absent: int = 0,  # noqa: ARG002 - there is room for these agents only
         width: int = 1,  # noqa: ARG002 - as above
+        members: Iterable[Hashable] = (),  # noqa: ARG002 - nothing changes attributes in the games that the core plays
     ) -> Any:
         """Return an array (agents * width,) of values that depend on the agents."""
         return flat(values(), kind)
@@ -665,12 +679,19 @@ def is_function(rule: NamedRule) -> bool:
 
 
 def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
-    """Return the rules of a game as a batch calls them; some have no core form where agents fly."""
+    """Return the rules of a game as a batch calls them; some have no core form where agents fly, or may change."""
     called = as_called(game.rules)
     some_fly = bool(roster.flies.any())
     are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
+    are_fixed = not any(one.spec.may_create_agents for one in called)  # and no rule sets attributes of agents
     without = [
-        one.spec.core_form is not None and (not are_exact or (some_fly and one.spec.needs_ground)) for one in called
+        one.spec.core_form is not None
+        and (
+            not are_exact
+            or (some_fly and one.spec.needs_ground)
+            or not (are_fixed or not has_attributes(one.spec.teams))
+        )
+        for one in called
     ]
     return [
         one._replace(rule=_without_core(one.rule)) if is_function else one
