@@ -279,7 +279,9 @@ def reach(
     )
 
 
-def arrive(member: Any, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder) -> rules.Rule:
+def arrive(
+    member: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder
+) -> rules.Rule:
     """Make `gamms.rules.arrive` for a team or a role; for a team without agents, a rule that does nothing."""
     team = making.team(member)
     if team < 0:
