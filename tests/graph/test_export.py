@@ -2,7 +2,10 @@
 
 import json
 import sqlite3
+import subprocess
 import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import networkx as nx
 import numpy as np
@@ -150,3 +153,108 @@ def test_a_library_that_is_absent_is_named(town, monkeypatch, library):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(MissingExtra, match=f"{library}.*pip install"):
         getattr(town.graph.frames, f"to_{library}")()
+
+
+# -- SUMO and OSMnx -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def streets(town):
+    """The same town with speeds, one-way streets and a loop."""
+    graph = town.graph.graph
+    for id, kph in ((10, 30.0), (11, 50), (12, "fast"), (13, 20.0)):
+        graph.update_edge({"id": id, "speed_kph": kph, "highway": "residential"})
+    graph.add_edge({"id": 20, "source": 7, "target": 7, "length": 42.5, "osmid": [3, 4], "oneway": False})
+    return town
+
+
+def read_net(path):
+    root = ET.parse(path).getroot()
+    lanes = {edge.get("id"): edge.find("lane").attrib for edge in root.iter("edge")}
+    return root, lanes
+
+
+def test_a_network_of_sumo_has_the_lengths_speeds_and_shapes_of_the_graph(streets, tmp_path):
+    (file,) = streets.graph.export(tmp_path / "Town.NET.XML")
+    root, lanes = read_net(file)
+    columns = streets.graph.columns()
+    assert [float(lanes[str(id)]["length"]) for id in columns.edge_ids] == columns.lengths.tolist()
+    speeds = [float(lane["speed"]) * 3.6 for lane in lanes.values()]
+    assert speeds == pytest.approx([30, 50, 50, 20, 50], abs=1e-12)
+    location = root.find("location").attrib
+    offset = np.array([*map(float, location["netOffset"].split(","))])
+    assert location["projParameter"] == "+proj=utm +zone=35 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
+    line = np.array([[*map(float, point.split(","))] for point in lanes["10"]["shape"].split()]) - offset
+    assert line.tolist() == columns.polylines[0].tolist()
+    nodes = {one.get("id"): (float(one.get("x")), float(one.get("y"))) for one in root.iter("junction")}
+    assert np.array([nodes[str(id)] for id in columns.node_ids]) - offset == pytest.approx(columns.xy, abs=1e-9)
+
+
+def test_a_network_of_sumo_connects_each_edge_with_all_that_begin_at_its_end(streets, tmp_path):
+    root, _ = read_net(streets.graph.export(tmp_path / "town.net.xml")[0])
+    found = {(one.get("from"), one.get("to")): one.get("dir") for one in root.iter("connection")}
+    edges = {edge.id: edge for edge in edges_of(streets)}
+    pairs = [(str(a), str(b)) for a in edges for b in edges if edges[a].target == edges[b].source]
+    assert sorted(found) == sorted(pairs)
+    assert [found["10", id] for id in ("11", "12")] == ["t", "l"]
+    dead_ends = {one.get("id") for one in root.iter("junction") if one.get("type") == "dead_end"}
+    assert dead_ends == {node for node in ("5", "6", "7") if node not in {str(one.target) for one in edges.values()}}
+
+
+def test_a_network_of_sumo_without_a_crs_says_so(tmp_path):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        root, lanes = read_net(ctx.graph.export(tmp_path / "grid.net.xml")[0])
+    assert root.find("location").get("projParameter") == "!"
+    assert len(lanes) == 8
+
+
+def test_a_file_for_osmnx_has_what_its_reader_converts(streets, tmp_path):
+    (file,) = streets.graph.export(tmp_path / "town.osmnx.graphml")
+    graph = nx.read_graphml(file, node_type=int, force_multigraph=True)
+    values = [*graph.nodes.values(), *(data for *_, data in graph.edges(data=True))]
+    assert all(isinstance(value, str) for data in values for value in data.values())
+    assert (graph.graph["crs"], graph.graph["simplified"]) == ("epsg:4326", "True")
+    assert sorted(graph.edges(keys=True)) == [(5, 6, 0), (6, 5, 0), (6, 7, 0), (6, 7, 1), (7, 7, 0)]
+    lat, lon = streets.graph.to_latlon(385_100.5, 6_672_050.25)
+    assert [float(graph.nodes[7][axis]) for axis in ("y", "x")] == pytest.approx([lat, lon], abs=1e-9)
+    assert [graph.nodes[node]["street_count"] for node in (5, 6, 7)] == ["1", "3", "4"]
+    street, loop = graph.edges[5, 6, 0], graph.edges[7, 7, 0]
+    found = [street[name] for name in ("length", "speed_kph", "oneway", "reversed")]
+    assert found == ["10.125", "30.0", "False", "False"]
+    assert street["geometry"].startswith("LINESTRING (24.9")
+    assert (loop["osmid"], loop["oneway"], street["osmid"]) == ("[3, 4]", "False", "10")
+    assert "geometry" not in loop
+    assert "speed_kph" not in graph.edges[6, 7, 0]  # 'fast' is no number
+    with pytest.raises(BadValue, match="OSMnx needs degrees"), gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.graph.export(tmp_path / "grid.osmnx.graphml")
+
+
+def test_osmnx_opens_the_file_of_helsinki(tmp_path):
+    osmnx = pytest.importorskip("osmnx")
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        gamms.osm.helsinki(ctx)
+        graph = osmnx.load_graphml(ctx.graph.export(tmp_path / "town.osmnx.graphml")[0])
+        columns = ctx.graph.columns()
+    found = sorted((u, v, data["length"], data["travel_time"]) for u, v, data in graph.edges(data=True))
+    ends = zip(columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist(), strict=True)
+    times = columns.edge_attributes["travel_time"]
+    lengths = enumerate(columns.lengths.tolist())
+    assert found == sorted((*pair, length, times[row]) for pair, (row, length) in zip(ends, lengths, strict=True))
+    assert dict(graph.nodes(data="street_count")) == osmnx.stats.count_streets_per_node(graph)
+    assert osmnx.project_graph(graph).graph["crs"] == "EPSG:32635"
+
+
+def test_sumo_drives_the_lengths_of_the_graph(streets, tmp_path):
+    home = Path(pytest.importorskip("sumo").SUMO_HOME)
+    (net,) = streets.graph.export(tmp_path / "town.net.xml")
+    drives = tmp_path / "drives.rou.xml"
+    drives.write_text(
+        '<routes><vehicle id="a" depart="0" departPos="0"><route edges="11 10 13 20"/></vehicle></routes>'
+    )
+    trips = tmp_path / "trips.xml"
+    options = ["--no-step-log", "--tripinfo-output", str(trips)]
+    subprocess.run([home / "bin" / "sumo", "-n", net, "-r", drives, *options], check=True)
+    (trip,) = ET.parse(trips).getroot()
+    assert float(trip.get("routeLength")) == pytest.approx(11.125 + 10.125 + 13.125 + 42.5, abs=0.01)

@@ -102,7 +102,8 @@ def convert(
 ) -> None:
     """Make tables, tracks, JSON, or one team's part of a recording.
 
-    A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv. Tracks, .gpx or .csv, become a recording on a --map.
+    A map, .gamms, becomes .geojson, .gpkg, .graphml, .csv, .osmnx.graphml (for OSMnx) or .net.xml (for SUMO). Tracks,
+    .gpx or .csv, become a recording on a --map.
     """
     from gamms.recordings.conversion import with_map
 

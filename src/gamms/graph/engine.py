@@ -411,7 +411,10 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     @refused_while_deciding
     def export(self, path: str | os.PathLike[str]) -> "list[Path]":
-        """Write nodes and edges for other programs: `.graphml`, `.geojson`, `.gpkg` or `.csv`.
+        """Write nodes and edges for other programs.
+
+        The suffix is the format: `.graphml`, `.geojson`, `.gpkg`, `.csv`, `.osmnx.graphml` for OSMnx, or `.net.xml` for
+        SUMO.
 
         On a map with a CRS geometries are in degrees, and nodes also have `x` and `y`; edges have their polylines.
         `town.csv` gives `town_nodes.csv` and `town_edges.csv`. Attributes other than numbers, texts and bools become
@@ -422,7 +425,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         Raises:
             UnknownType (ValueError): the suffix names no supported format.
-            BadValue (ValueError): GeoJSON of a graph without a CRS.
+            BadValue (ValueError): GeoJSON or a file for OSMnx of a graph without a CRS.
             MissingExtra (ImportError): the CRS is not a UTM zone, and pyproj is not installed.
             OSError: a file cannot be written.
         """

@@ -1,4 +1,4 @@
-"""Export a graph: GraphML, GeoJSON, GeoPackage and CSV files, data frames, and igraph graphs.
+"""Export a graph: files of OSMnx and SUMO, GraphML, GeoJSON, GeoPackage and CSV, data frames, and igraph graphs.
 
 Values other than numbers, texts and bools become JSON. A file is written completely or not at all.
 """
@@ -7,11 +7,14 @@ import json
 import os
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import cached_property
+from itertools import product
+from math import atan2, degrees, inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -61,6 +64,11 @@ class GraphTables(NamedTuple):
     attribution: str | None
     crs: str | None
 
+    @property
+    def points_on_map(self) -> FloatArray:
+        """The points (nodes, 2) of the nodes, in map units."""
+        return np.column_stack((np.array(self.nodes["x"], float), np.array(self.nodes["y"], float)))
+
 
 def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str | None) -> list[Path]:
     """Write a graph in the format named by the suffix, and return the files.
@@ -72,11 +80,11 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
         OSError: a file cannot be written.
     """
     target = as_target(path)
-    write = _FORMATS.get(target.suffix.lower())
-    if write is None:
+    suffix = next((one for one in _FORMATS if target.name.lower().endswith(one)), None)
+    if suffix is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"Cannot write a graph as {target.suffix or 'a file without a suffix'!r}.{hint}")
-    return write(target, layers_of(columns, attribution))
+    return _FORMATS[suffix](target, layers_of(columns, attribution))
 
 
 def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
@@ -202,12 +210,19 @@ def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iter
 
 def _write_graphml(target: Path, layers: GraphTables) -> list[Path]:
     shapes: list[Scalar] = [wkt_of(line) for line in layers.drawn]
-    tables: dict[str, Table] = {"node": layers.nodes, "edge": {**layers.edges, "geometry": shapes}}
+    about: dict[str, Scalar] = {"crs": layers.crs, "attribution": layers.attribution}
+    return _put_graphml(target, about, layers.nodes, {**layers.edges, "geometry": shapes})
+
+
+def _put_graphml(
+    target: Path, about: Mapping[str, Scalar], nodes: Table, edges: Table, keys: Sequence[int] | None = None
+) -> list[Path]:
+    """Write GraphML, with keys of edges that tell parallel ones apart."""
+    tables = {"node": nodes, "edge": edges}
     with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write(
             '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
         )
-        about: dict[str, Scalar] = {"crs": layers.crs, "attribution": layers.attribution}
         described: dict[str, Table] = {**tables, "graph": {name: [one] for name, one in about.items() if one}}
         for kind, table in described.items():
             for number, (name, values) in enumerate(table.items()):
@@ -218,8 +233,10 @@ def _write_graphml(target: Path, layers: GraphTables) -> list[Path]:
         stream.write(_data("graph", {name: one for name, one in about.items() if one}))
         for row in _rows(tables["node"]):
             stream.write(f'<node id="{row["id"]}">{_data("node", row)}</node>\n')
-        for row in _rows(tables["edge"]):
-            stream.write(f'<edge source="{row["source"]}" target="{row["target"]}">{_data("edge", row)}</edge>\n')
+        for number, row in enumerate(_rows(tables["edge"])):
+            key = "" if keys is None else f' id="{keys[number]}"'
+            ends = f'source="{row["source"]}" target="{row["target"]}"'
+            stream.write(f"<edge {ends}{key}>{_data('edge', row)}</edge>\n")
         stream.write("</graph>\n</graphml>\n")
     return [target]
 
@@ -250,6 +267,180 @@ def _graphml_type(values: Iterable[Scalar]) -> str:
     if kinds == {int}:
         return "long"
     return "double" if kinds and kinds <= {int, float} else "string"
+
+
+# -- OSMnx --------------------------------------------------------------------------------------------------------
+
+_OSMNX_NUMBERS = {  # columns that OSMnx converts from texts
+    "node": ("elevation", "elevation_res", "street_count", "x", "y"),
+    "edge": ("bearing", "grade", "grade_abs", "length", "speed_kph", "travel_time"),
+}
+_OSMNX_FLAGS = ("oneway", "reversed")
+
+
+def _write_osmnx(target: Path, layers: GraphTables) -> list[Path]:
+    """Write GraphML as `osmnx.save_graphml` does: all values as texts, places in degrees, shapes of bent edges only."""
+    if not layers.in_degrees:
+        raise BadValue(
+            "OSMnx needs degrees, and this graph has no CRS: set ctx.graph.graph.crs, for example to 'EPSG:32635', or "
+            "write .graphml, .gpkg or .csv."
+        )
+    ends = [*zip(_ids(layers.edges["source"]), _ids(layers.edges["target"]), strict=True)]
+    nodes = {name: values for name, values in layers.nodes.items() if name not in ("x", "y", "lat", "lon")}
+    nodes |= {"y": layers.nodes["lat"], "x": layers.nodes["lon"]}
+    nodes.setdefault("street_count", [*_count_streets(ends, _ids(layers.nodes["id"]))])
+    shapes: list[Scalar] = [wkt_of(line) if len(line) > 2 else None for line in layers.lines]
+    edges = {name: values for name, values in layers.edges.items() if name != "id"}
+    known = {*ends}
+    usual: Table = {
+        "osmid": layers.edges["id"],
+        "oneway": [pair[::-1] not in known for pair in ends],
+        "reversed": [False] * len(ends),
+    }
+    for name, values in usual.items():
+        given = edges.get(name, values)
+        edges[name] = [other if one is None else one for one, other in zip(given, values, strict=True)]
+    edges["geometry"] = shapes
+    about: dict[str, Scalar] = {"crs": "epsg:4326", "simplified": "True", "attribution": layers.attribution}
+    texts = _as_texts("node", nodes), _as_texts("edge", edges)
+    return _put_graphml(target, about, *texts, [*_number_parallels(ends)])
+
+
+def _ids(values: Iterable[Scalar]) -> list[int]:
+    return [int(one) for one in values if one is not None]
+
+
+def _number_parallels(ends: Iterable[tuple[int, int]]) -> Iterator[int]:
+    """Yield the number of each edge among those with the same source and target."""
+    count: dict[tuple[int, int], int] = {}
+    for pair in ends:
+        yield count.get(pair, 0)
+        count[pair] = count.get(pair, 0) + 1
+
+
+def _count_streets(ends: Iterable[tuple[int, int]], nodes: Iterable[int]) -> Iterator[int]:
+    """Yield the number of streets at each node, where the two directions of a street are one, and a loop is two."""
+    count = Counter(ends)
+    streets = Counter[int]()
+    for source, target in count:
+        number = max(count[source, target], count.get((target, source), 0))
+        if source == target:
+            streets[source] += 2 * ((number + 1) // 2)
+        elif source < target or (target, source) not in count:
+            streets[source] += number
+            streets[target] += number
+    return (streets[node] for node in nodes)
+
+
+def _as_texts(kind: Literal["node", "edge"], table: Table) -> Table:
+    """Return a table whose values are the texts that OSMnx reads; without those that it could not convert."""
+    found: Table = {}
+    for name, values in table.items():
+        if name in _IN_TAGS[kind]:
+            found[name] = values
+        elif name in _OSMNX_FLAGS and kind == "edge":
+            found[name] = [str(bool(one)) for one in values]
+        else:
+            is_number = name in _OSMNX_NUMBERS[kind]
+            found[name] = [None if one is None or (is_number and not _is_number(one)) else str(one) for one in values]
+    return found
+
+
+def _is_number(value: Scalar) -> TypeGuard[float]:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+# -- SUMO ---------------------------------------------------------------------------------------------------------
+
+_USUAL_SPEED = 50 / 3.6  # metres per second, of edges without one
+
+
+def _write_sumo(target: Path, layers: GraphTables) -> list[Path]:
+    """Write a network of SUMO: one lane for each edge, and a connection for each way to go on at a node.
+
+    Junctions have no extent, so that the lanes have the lengths of the edges.
+    """
+    origin = np.floor(_least(layers.drawn, layers.points_on_map))
+    ids = _ids(layers.edges["id"])
+    sources = _ids(layers.edges["source"])
+    targets = _ids(layers.edges["target"])
+    arriving = _group_by(targets)
+    leaving = _group_by(sources)
+    with whole_file(target, through_links=True) as beside, beside.open("w", encoding="utf-8") as stream:
+        stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
+        if layers.attribution is not None:
+            stream.write(f"<!-- {_xml(layers.attribution).replace('--', '- -')} -->\n")
+        stream.write(f'<net version="1.20" junctionCornerDetail="0">\n{_location(layers, origin)}')
+        for row, line in zip(_rows(layers.edges), layers.drawn, strict=True):
+            stream.write(_sumo_edge(row, line - origin))
+        for node, place in zip(_ids(layers.nodes["id"]), (layers.points_on_map - origin).tolist(), strict=True):
+            lanes = " ".join(f"{ids[one]}_0" for one in arriving.get(node, ()))
+            kind = "unregulated" if lanes and node in leaving else "dead_end"
+            at = f'x="{place[0]!r}" y="{place[1]!r}"'
+            stream.write(f'<junction id="{node}" type="{kind}" {at} incLanes="{lanes}" intLanes="" shape=""/>\n')
+        for node, numbers in arriving.items():
+            for one, other in product(numbers, leaving.get(node, ())):
+                way = _name_turn(layers.drawn[one], layers.drawn[other], is_back=targets[other] == sources[one])
+                which = f'from="{ids[one]}" to="{ids[other]}" fromLane="0" toLane="0"'
+                stream.write(f'<connection {which} dir="{way}" state="M"/>\n')
+        stream.write("</net>\n")
+    return [target]
+
+
+def _least(lines: Sequence[FloatArray], points: FloatArray) -> FloatArray:
+    """Return the least x and y of a map; 0 if it is empty."""
+    return np.concatenate([points, *lines]).min(axis=0) if len(points) else np.zeros(2)
+
+
+def _group_by(keys: Iterable[int]) -> dict[int, list[int]]:
+    """Return key -> the numbers of its places."""
+    found: dict[int, list[int]] = {}
+    for number, key in enumerate(keys):
+        found.setdefault(key, []).append(number)
+    return found
+
+
+def _location(layers: GraphTables, origin: FloatArray) -> str:
+    """Return where the network is: its offset from the map units, and its bounds there and in degrees."""
+    bounds = np.array(_bounds([layers.points_on_map, *layers.drawn]) if len(layers.points) else [0.0] * 4)
+    moved = bounds - np.tile(origin, 2)
+    original = _bounds([layers.points, *layers.lines]) if layers.in_degrees and len(layers.points) else bounds
+    texts = [",".join(f"{one:.9f}" for one in several) for several in (0.0 - origin, moved, original)]
+    names = ("netOffset", "convBoundary", "origBoundary")
+    places = " ".join(f'{name}="{text}"' for name, text in zip(names, texts, strict=True))
+    return f'<location {places} projParameter="{_xml(_projection_of(layers.crs))}"/>\n'
+
+
+def _projection_of(crs: str | None) -> str:
+    """Return the parameters of PROJ for a CRS; "!" for none, as SUMO writes it."""
+    zone = re.fullmatch(r"(?i)epsg:32([67])(\d\d)", crs or "")
+    if zone is None:
+        return crs or "!"
+    half = " +south" if zone[1] == "7" else ""
+    return f"+proj=utm +zone={int(zone[2])}{half} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
+
+
+def _sumo_edge(row: Mapping[str, Scalar], line: FloatArray) -> str:
+    """Return an edge with its lane."""
+    id = row["id"]
+    kph = row.get("speed_kph")
+    speed = kph / 3.6 if _is_number(kph) and 0 < kph < inf else _USUAL_SPEED
+    name = f' name="{_xml_name(str(row["name"]))}"' if isinstance(row.get("name"), str) else ""
+    kind = f' type="highway.{_xml_name(str(row["highway"]))}"' if isinstance(row.get("highway"), str) else ""
+    shape = " ".join(f"{x!r},{y!r}" for x, y in line.tolist())
+    lane = f'<lane id="{id}_0" index="0" speed="{speed!r}" length="{row["length"]!r}" shape="{shape}"/>'
+    return f'<edge id="{id}" from="{row["source"]}" to="{row["target"]}" priority="-1"{name}{kind}>{lane}</edge>\n'
+
+
+def _name_turn(line: FloatArray, following: FloatArray, *, is_back: bool) -> str:
+    """Return how SUMO calls the way from one edge to the next: s(traight), l(eft), r(ight) or t(urn back)."""
+    (ax, ay), (bx, by) = (line[-1] - line[-2]).tolist(), (following[1] - following[0]).tolist()
+    angle = degrees(atan2(ax * by - ay * bx, ax * bx + ay * by))
+    if is_back and abs(angle) > 170:
+        return "t"
+    if abs(angle) < 45:
+        return "s"
+    return "l" if angle > 0 else "r"
 
 
 # -- GeoPackage -----------------------------------------------------------------------------------------------------
@@ -331,6 +522,8 @@ def _bounds(parts: list[FloatArray]) -> list[float | None]:
 
 
 _FORMATS: dict[str, Callable[[Path, GraphTables], list[Path]]] = {
+    ".osmnx.graphml": _write_osmnx,
+    ".net.xml": _write_sumo,
     ".graphml": _write_graphml,
     ".geojson": _write_geojson,
     ".gpkg": _write_geopackage,
