@@ -189,6 +189,41 @@ def test_games_with_old_and_new_others_are_as_alone(sets, options):
     assert {life["set"] for life in lives} > {0}
 
 
+@pytest.mark.parametrize("mode", ["ended", "waiting"])
+@pytest.mark.parametrize("options", [{"teams": "red"}, {"agent": "red_1"}, {"teams": "red", "maps": MAPS}])
+@pytest.mark.parametrize("sets", KINDS.values(), ids=KINDS)
+def test_games_that_begin_in_a_step_have_the_newest_others(sets, options, mode):
+    """Their starts were drawn before these others were set."""
+    one, other = pair = [rl.Learners(scene(5), 6, others=sets[0], **options) for _ in range(2)]
+    chosen = np.random.default_rng(2)
+    begun = 0
+    for learners in pair:
+        learners.begin_all(3)
+    for turn in range(24):
+        for learners in pair:
+            if turn == 2:
+                learners.begin_again(np.arange(3))  # they end in other turns than the rest
+            if turn % 3 == 2:
+                learners.set_others(sets[turn % len(sets)])
+        taken = chosen.integers(0, 5, one.masks.shape[:2])
+        ended = other.is_over
+        found = [one.step(taken, begins=mode), other.step(taken)]
+        assert is_same(*map(tuple, found))
+        ended = other.is_over if mode == "ended" else ended
+        begun += len(one.begun)
+        if ended.any():
+            one.begin_again(np.setdiff1d(np.flatnonzero(ended), one.begun))
+            other.begin_again(np.flatnonzero(ended))
+        assert is_same(one.drawn, other.drawn)
+        assert one.games.seeds == other.games.seeds
+        for game in range(6):
+            assert _show_game(one, game) == _show_game(other, game)
+            assert one.games.result(game) == other.games.result(game)
+    assert begun > 12 or sets is not KINDS["the core plays"]
+    for learners in pair:
+        learners.close()
+
+
 def test_functions_of_views_get_games_with_the_same_others():
     options = {"teams": "red", "observation": places, "reward": lambda turn: turn.won}
     lives, alone = play_lives(KINDS["some are functions"], **options)

@@ -8,7 +8,7 @@ pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 from gamms import rl
 from gamms.errors import BadType, BadValue
 from gamms.rl.learners import Learners
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, ScenarioError
 
 WALK = "gamms.strategies:random_walk"
 SIGHT_M = 25.0
@@ -149,3 +149,56 @@ def test_an_observation_of_ones_own_gets_the_legal_actions_and_ends_of_the_defau
             assert (played.terminated == (before & (~now | own.games.terminated[:, None]))).all()
             assert (played.truncated == (before & now & own.games.truncated[:, None])).all()
         assert own.is_over.all()
+
+
+@pytest.mark.parametrize("mode", ["ended", "waiting"])
+@pytest.mark.parametrize("maps", [None, [{"grid": {"width": 6, "height": 4}}, {"grid": {"width": 3, "height": 5}}]])
+def test_games_that_begin_in_a_step_are_those_that_reset_begins(mode, maps):
+    learners, others = (Learners(scene("eliminate"), 12, seed=3, maps=maps) for _ in range(2))
+    learners.begin_all()
+    others.begin_all()
+    rng = np.random.default_rng(5)
+    number = 0
+    for _ in range(40):
+        actions = rng.integers(-1, 6, size=learners.masks.shape[:2])
+        was_over = others.is_over
+        played, wanted = learners.step(actions, begins=mode), others.step(actions)
+        assert written(tuple(played)) == written(tuple(wanted))
+        seen, masks = others.observe()[learners.begun], others.masks[learners.begun]
+        if mode == "ended" and len(learners.begun):
+            assert [one.tolist() for one in learners.observe_ended()] == [seen.tolist(), masks.tolist()]
+        ended = others.is_over if mode == "ended" else was_over
+        assert ended[learners.begun].all()
+        number += len(learners.begun)
+        rest = np.setdiff1d(np.flatnonzero(ended), learners.begun)
+        if len(rest):
+            learners.begin_again(rest)
+        if ended.any():
+            others.begin_again(np.flatnonzero(ended))
+        assert learners.observe().tobytes() == others.observe().tobytes()
+        assert learners.masks.tolist() == others.masks.tolist()
+        assert learners.games.seeds == others.games.seeds
+        assert written(learners.games.table()) == written(others.games.table())
+        assert [learners.games.result(game) for game in range(3)] == [others.games.result(game) for game in range(3)]
+    assert number > 20
+    learners.games.reset()
+    others.games.reset()
+    assert (learners.games.observe("red", map=0).node == others.games.observe("red", map=0).node).all()
+    learners.close()
+    others.close()
+
+
+def test_agents_that_do_not_fit_are_reported_when_their_game_begins():
+    """The seeds 0 to 2 leave room for blue, far from red; the seed 3 does not."""
+    game = scene(max_turns=2).replace(**{"teams.blue.from": {"team": "red", "at_least": 25.0}})
+    env = rl.vector_env(game, num_games=1, team="red")
+    env.reset(seed=0)
+    stay = np.zeros(env.num_envs, np.int64)
+    seeds = []
+    for _ in range(5):
+        env.step(stay)
+        seeds += env.learners.games.seeds
+    assert seeds == [0, 1, 1, 2, 2]
+    with pytest.raises(ScenarioError, match="with the seed 3"):
+        env.step(stay)
+    env.close()

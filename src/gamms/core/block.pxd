@@ -2,9 +2,10 @@ cimport cython
 
 ctypedef unsigned long long u64
 ctypedef long long i64
+ctypedef unsigned char u8
 
 cdef u64 MASK, FACTOR
-cdef i64 EMPTY
+cdef i64 EMPTY, _DRAWN
 
 @cython.locals(i=Py_ssize_t, size=Py_ssize_t, row=i64)
 cpdef int gather(const i64[::1] column, const i64[::1] rows, i64[::1] out) except -1 nogil
@@ -38,6 +39,34 @@ cdef class Block:
     cdef _begin_own(self, Py_ssize_t game)
 
 cdef _view(bytearray memory, str code)
+
+@cython.final
+cdef class StartColumn:
+    cdef u8[::1] target
+    cdef const u8[::1] source
+    cdef i64[::1] nodes
+    cdef i64 size, step
+    cdef StartColumn behind
+    cdef bint has_nodes, is_last
+
+
+@cython.final
+cdef class GameStarts:
+    cdef StartColumn first
+    cdef const i64[::1] nodes, streets
+    cdef i64[::1] next, now
+    cdef i64 agents, ahead
+
+    @cython.locals(place=i64)
+    cpdef int begin(self, const i64[::1] games) except -1
+
+
+@cython.locals(row=i64)
+cdef int begin_game(GameStarts s, i64 game) except -1 nogil
+@cython.locals(i=i64)
+cdef int _copy_start(StartColumn c, const i64[::1] nodes, i64 agents, i64 game, i64 row) except -1 nogil
+@cython.locals(i=i64)
+cdef int _copy_bytes(u8[::1] target, i64 first, const u8[::1] source, i64 begin, i64 size) except -1 nogil
 
 @cython.final
 cdef class RecordTable:

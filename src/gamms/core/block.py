@@ -16,6 +16,9 @@ from typing import Any, NamedTuple
 INT64 = "l" if calcsize("l") == 8 else "q"
 """The format of 64-bit integers in buffers, as NumPy names it on this platform."""
 _ALIGNED = 8  # bytes
+_DRAWN = -2
+AT_START = _DRAWN
+"""In a row of nodes with which games begin: the agent begins on the node that the seed of its game draws."""
 MASK = 0xFFFFFFFFFFFFFFFF
 FACTOR = 0x9E3779B97F4A7C15
 EMPTY = -1
@@ -259,6 +262,106 @@ def stop_moves(
             ends[i] = starts[i]
             counts[i] += 1
     return found
+
+
+# -- games that begin --------------------------------------------------------------------------------------------------
+
+
+class StartColumn:
+    """A column of a batch, and the rows with which its games begin.
+
+    Attributes:
+        target: (games * size,) the bytes of the column.
+        source: the bytes of the rows: one for all games, or one for each start; see `GameStarts`.
+        nodes: (games * agents,) the column, if it holds nodes of agents, which may be `AT_START`; else empty.
+        size: the number of bytes in a row.
+        step: the distance between two rows in `source`; 0: all games begin with the same row.
+        behind: the next column; None: it is the last one.
+    """
+
+    def __init__(
+        self,
+        target: memoryview[int],
+        source: memoryview[int],
+        nodes: memoryview[int],
+        size: int,
+        step: int,
+        behind: StartColumn | None,
+    ) -> None:
+        self.target = target
+        self.source = source
+        self.nodes = nodes
+        self.size = size
+        self.step = step
+        self.behind = behind
+        self.has_nodes = len(nodes) > 0
+        self.is_last = behind is None
+
+
+class GameStarts:
+    """The rows with which the games on one map begin.
+
+    Attributes:
+        first: the first column.
+        nodes: (rows * agents,) the start nodes that seeds draw.
+        agents: the number of agents of each game.
+        streets: (rows,) the number of the streets that each seed draws.
+        next: (games,) the row with which each game begins next.
+        now: (games,) the row with which it has begun.
+        ahead: the number of rows of each game, which follow each other.
+    """
+
+    def __init__(
+        self,
+        first: StartColumn,
+        nodes: memoryview[int],
+        agents: int,
+        streets: memoryview[int],
+        next: memoryview[int],
+        now: memoryview[int],
+        ahead: int,
+    ) -> None:
+        self.first = first
+        self.nodes = nodes
+        self.agents = agents
+        self.streets = streets
+        self.next = next
+        self.now = now
+        self.ahead = ahead
+
+    def begin(self, games: memoryview[int]) -> int:
+        """Begin the games of these numbers on this map."""
+        for place in range(len(games)):
+            begin_game(self, games[place])
+        return 0
+
+
+def begin_game(s: GameStarts, game: int) -> int:
+    """Begin a game: copy the rows with which it begins over its own."""
+    row = s.next[game]
+    s.now[game] = row
+    s.next[game] = game * s.ahead + (row + 1) % s.ahead
+    return _copy_start(s.first, s.nodes, s.agents, game, row)
+
+
+def _copy_start(c: StartColumn, nodes: memoryview[int], agents: int, game: int, row: int) -> int:
+    """Copy a row over that of a game, in a column and in those behind it."""
+    _copy_bytes(c.target, game * c.size, c.source, row * c.step, c.size)
+    if c.has_nodes:
+        for i in range(agents):
+            if c.nodes[game * agents + i] == _DRAWN:
+                c.nodes[game * agents + i] = nodes[row * agents + i]
+    if not c.is_last:
+        _copy_start(c.behind, nodes, agents, game, row)  # type: ignore[arg-type] # there is one
+    return 0
+
+
+def _copy_bytes(target: memoryview[int], first: int, source: memoryview[int], begin: int, size: int) -> int:
+    """Copy `source[begin:begin + size]` to `target[first:first + size]`."""
+    # NOTE: a function of its own, because bytes that are written may overlap attributes (benchmarks: w9_rows, begin).
+    for i in range(size):
+        target[first + i] = source[begin + i]
+    return 0
 
 
 class RecordTable:

@@ -39,6 +39,10 @@ cdef class VectorObservations:
     cdef i64[::1] counts
 
 
+@cython.locals(entry=i64, action=i64)
+cdef int keep_rows(VectorObservations v, VectorObservations to, i64 first, i64 count) except -1 nogil
+
+
 @cython.final
 cdef class NearestAgents:
     cdef i64 count
@@ -62,7 +66,7 @@ cdef class LearnerTurn:
     cdef i64 games, agents
     cdef bint may_return
     cdef i64[::1] counts, moves
-    cdef u8[::1] alive, over, late, was_over, plays, terminated, truncated
+    cdef u8[::1] alive, over, late, was_over, plays, terminated, truncated, may_begin, begun
     cdef double[::1] earned, rewards
 
 

@@ -158,6 +158,15 @@ class VectorObservations:
         self.legal = legal
 
 
+def keep_rows(v: VectorObservations, to: VectorObservations, first: int, count: int) -> int:
+    """Copy the vectors and the legal actions of some rows to another output."""
+    for entry in range(first * v.entries, (first + count) * v.entries):
+        to.values[entry] = v.values[entry]
+    for action in range(first * v.actions, (first + count) * v.actions):
+        to.legal[action] = v.legal[action]
+    return 0
+
+
 class NearestAgents:
     """The agents that one observer sees, and the nearest of them in order of distance; ties are in the order of names.
 
@@ -239,6 +248,8 @@ class LearnerTurn:
         rewards: (rows,) 0 for learners that did not take part.
         terminated, truncated: (rows,) 1: the learner ended in the turn, for a reason other than a time limit, or
             because of it.
+        may_begin: (games,) how often the game may begin again in the calls that end it.
+        begun: (games,) 1: it has begun again in the turn.
     """
 
     def __init__(
@@ -257,6 +268,8 @@ class LearnerTurn:
         rewards: memoryview[float],
         terminated: memoryview[int],
         truncated: memoryview[int],
+        may_begin: memoryview[int],
+        begun: memoryview[int],
         may_return: bool,
     ) -> None:
         self.games = games
@@ -272,6 +285,8 @@ class LearnerTurn:
         self.rewards = rewards
         self.terminated = terminated
         self.truncated = truncated
+        self.may_begin = may_begin
+        self.begun = begun
         self.may_return = may_return
 
 
@@ -285,6 +300,7 @@ def begin_turns(t: LearnerTurn) -> int:
 def begin_turn(t: LearnerTurn, game: int) -> int:
     """Note which learners of a game take part in a turn, and replace illegal actions by 0."""
     t.was_over[game] = t.over[game]
+    t.begun[game] = 0
     for row in range(game * t.agents, (game + 1) * t.agents):
         t.plays[row] = t.alive[row] and not t.over[game]
         if t.moves[row] < 0 or t.moves[row] >= t.counts[row]:

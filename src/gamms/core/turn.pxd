@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport arrivals, conflicts, moves, observe, rules
+from gamms.core cimport arrivals, block, conflicts, moves, observe, rules
 from gamms.core.agents cimport AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask cimport ask_each
 from gamms.core.conflicts cimport Contests, MoveRequests
@@ -68,17 +68,28 @@ cdef class LearnerStep:
     cdef const double[::1] score
     cdef i64 teams
     cdef observe.Observers observers
-    cdef observe.VectorObservations output
+    cdef observe.VectorObservations output, last
     cdef observe.NearestAgents room
-    cdef readonly i64 num_ended
+    cdef const i64[::1] first
+    cdef i64[::1] first_node
+    cdef readonly i64 num_ended, num_begun
 
 
-@cython.locals(game=i64, player=Player)
-cpdef int play_step(LearnerStep s, list players, i64 begin, i64 end) except -1
+@cython.locals(game=i64, player=Player, one=block.GameStarts)
+cpdef int play_step(LearnerStep s, list players, list starts, bint waits, i64 begin, i64 end) except -1
 @cython.locals(learner=i64, row=i64, agent=i64)
 cdef int take_actions(LearnerStep s, observe.LearnerTurn t, observe.VisibleAgents seen, i64 game) except -1 nogil
-@cython.locals(why=u8, is_last=bint, learner=i64, row=i64)
+@cython.locals(learner=i64, row=i64)
 cdef i64 end_step(LearnerStep s, observe.LearnerTurn t, observe.VisibleAgents seen, i64 game) except -1 nogil
+@cython.locals(why=u8, is_last=bint)
+cdef int show_game(LearnerStep s, observe.LearnerTurn t, i64 game) except -1 nogil
+@cython.locals(game=i64, can_begin=bint)
+cdef int _begin_aside(
+    LearnerStep s, block.GameStarts starts, i64 streets, const u8[::1] ended, i64 begin, i64 end
+) except -1
+cdef int _begin_again(
+    LearnerStep s, observe.LearnerTurn t, block.GameStarts starts, i64 streets, i64 game
+) except -1 nogil
 
 
 @cython.final

@@ -35,7 +35,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import Any
 
-from gamms.core import arrivals, conflicts, moves, observe, rules
+from gamms.core import arrivals, block, conflicts, moves, observe, rules
 from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents, NodeNumbers
 from gamms.core.ask import DecidingAgent, SensorCall, ask_each
 from gamms.core.block import INT64
@@ -265,8 +265,12 @@ class LearnerStep:
         teams: the number of teams.
         observers: the learners as observers, in the same order.
         output: receives their vectors and legal actions.
+        last: holds the vectors and legal actions of games that begin again, from before.
         room: working memory.
+        first: (maps,) the number of the first node of each map, see `Observers.first_node`.
+        first_node: `Observers.first_node`, which receives that of the next map of a game.
         num_ended: the number of learners that ended in the last step.
+        num_begun: the number of games that began again in it.
     """
 
     def __init__(
@@ -278,7 +282,10 @@ class LearnerStep:
         teams: int,
         observers: observe.Observers,
         output: observe.VectorObservations,
+        last: observe.VectorObservations,
         room: observe.NearestAgents,
+        first: memoryview[int],
+        first_node: memoryview[int],
     ) -> None:
         self.turns = turns
         self.learners = learners
@@ -287,18 +294,26 @@ class LearnerStep:
         self.teams = teams
         self.observers = observers
         self.output = output
+        self.last = last
         self.room = room
+        self.first = first
+        self.first_node = first_node
         self.num_ended = 0
+        self.num_begun = 0
 
 
-def play_step(s: LearnerStep, players: list[Player], begin: int, end: int) -> int:
+def play_step(
+    s: LearnerStep, players: list[Player], starts: list[block.GameStarts], waits: bool, begin: int, end: int
+) -> int:
     """Play a turn of the games `begin` to `end - 1` with the actions of learners; write their rewards and observations.
 
-    The reward of a learner is the change of the score of its team.
+    The reward of a learner is the change of the score of its team. Games that end begin again if they may.
 
     Args:
         s: the step.
         players: play the games, those on each map.
+        starts: begin games again, on each map in turn; empty: none begins.
+        waits: whether games begin in the turn after the one in which they end.
         begin: the first game.
         end: the number behind the last one.
     """
@@ -308,9 +323,16 @@ def play_step(s: LearnerStep, players: list[Player], begin: int, end: int) -> in
     for player in players:
         play_aside(player, begin, end)
     s.num_ended = 0
+    s.num_begun = 0
     with cython.nogil:
         for game in range(begin, end):
             s.num_ended += end_step(s, s.learners, s.observers.seen, game)
+    player = players[0]
+    if s.room.lacks or player.stop[0]:  # the observations are not complete, or the turn is taken back
+        return 0
+    ended = s.learners.was_over if waits else s.learners.over
+    for streets, one in enumerate(starts):
+        _begin_aside(s, one, streets, ended, begin, end)
     return 0
 
 
@@ -327,15 +349,43 @@ def take_actions(s: LearnerStep, t: observe.LearnerTurn, seen: observe.VisibleAg
 
 def end_step(s: LearnerStep, t: observe.LearnerTurn, seen: observe.VisibleAgents, game: int) -> int:
     """Write what the learners of a game get and see after a turn; return the number of those that ended."""
+    for learner in range(t.agents):
+        row = game * t.agents + learner
+        t.earned[row] = s.score[game * s.teams + seen.team[seen.viewers[learner]]] - t.earned[row]
+    show_game(s, t, game)
+    return observe.end_turn(t, game)
+
+
+def show_game(s: LearnerStep, t: observe.LearnerTurn, game: int) -> int:
+    """Write whether a game is over, and what its learners see."""
     why = s.turns.over[game]
     is_last = s.turns.last >= 0 and s.turns.turn[game] >= s.turns.last
     t.over[game] = why > 0 or is_last
     t.late[game] = why == rules.BY_TIME or (is_last and why == 0)
-    for learner in range(t.agents):
-        row = game * t.agents + learner
-        t.earned[row] = s.score[game * s.teams + seen.team[seen.viewers[learner]]] - t.earned[row]
-    observe.observe_turn(t, s.observers, s.output, s.room, game)
-    return observe.end_turn(t, game)
+    return observe.observe_turn(t, s.observers, s.output, s.room, game)
+
+
+def _begin_aside(
+    s: LearnerStep, starts: block.GameStarts, streets: int, ended: memoryview[int], begin: int, end: int
+) -> int:
+    """Begin those games from `begin` to `end - 1` again that have ended, may begin, and begin on these streets."""
+    with cython.nogil:
+        for game in range(begin, end):
+            can_begin = ended[game] and s.learners.may_begin[game] and not s.learners.begun[game]
+            if can_begin and starts.streets[starts.next[game]] == streets:
+                _begin_again(s, s.learners, starts, streets, game)
+    return 0
+
+
+def _begin_again(s: LearnerStep, t: observe.LearnerTurn, starts: block.GameStarts, streets: int, game: int) -> int:
+    """Begin a game again; keep what its learners have seen, and write what they see now."""
+    observe.keep_rows(s.output, s.last, game * t.agents, t.agents)
+    block.begin_game(starts, game)
+    s.first_node[game] = s.first[streets]
+    t.may_begin[game] -= 1
+    t.begun[game] = 1
+    s.num_begun += 1
+    return show_game(s, t, game)
 
 
 # -- the order of phases -------------------------------------------------------------------------------------------

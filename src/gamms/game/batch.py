@@ -132,7 +132,6 @@ class Batch(Surface, Immutable, NotPickled):
     ) -> None:
         self._num_maps = len(sources)
         self._sources = list(sources)  # for all maps; after `change_strategies`, further ones with other strategies
-        self._newest = 0  # the number of the source on the first map for games that begin
         self._make_sources = make_sources
         self._most_agents = most_agents
         self._rosters = [roster_of(source.game, most_agents) for source in sources]
@@ -148,7 +147,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
-        self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._made_engine()
@@ -179,9 +177,9 @@ class Batch(Surface, Immutable, NotPickled):
         games = [source.game for source in self._sources]
         each = zip(games, self._rosters, self._own, strict=True)
         movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
-        self._begin = self._starts(self.seeds, self.maps)
-        self._put_public(slow=first_called(games[self._newest], self._roster))
-        played = games, movements, self.seeds, self._source_of, self._begin
+        begin = self._starts(self.seeds, self.maps)
+        self._put_public(slow=first_called(games[0], self._roster))
+        played = games, movements, self.seeds, self._source_of, begin
         return BatchEngine(*played, self._rosters, self._own, self._num_maps)
 
     def _change_strategies(self, strategies: Mapping[str, Any]) -> None:
@@ -228,7 +226,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._sources[those] = sources
         self._rosters[those] = rosters
         self._own[those] = own
-        self._newest = first
         self._put_public(slow=first_called(games[0], self._roster))
         self._keeps_given = True  # functions of these sources may be called
         self._is_said = False
@@ -520,6 +517,12 @@ class Batch(Surface, Immutable, NotPickled):
                 self._steps += played
             else:
                 self._note(given if is_logged else {})
+            if writer is not None and len(writer.begun):
+                starts = self._engine.starts
+                rows = starts.now[writer.begun]
+                first = self._engine.newest.start
+                self._put_seeds(writer.begun, starts.seeds_of(rows), starts.streets[rows], first)
+                self._note_begun(writer.begun)
             return True
         return False
 
@@ -555,30 +558,50 @@ class Batch(Surface, Immutable, NotPickled):
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
         if len(numbers):
-            self._reset(numbers, given, self._newest)
+            self._reset(numbers, given, self._engine.newest.start)
 
-    def _reset(self, numbers: IntArray, given: Sequence[int], source: int | IntArray) -> None:
-        """Reset games with these seeds; `source`: the number of each one's source on the first map."""
+    def _reset(self, numbers: IntArray, given: Sequence[int], first: int | IntArray) -> None:
+        """Reset games with these seeds; `first`: the number of each one's source on the first map."""
         if self._shown is not None and self._shown.number in numbers:
             self._hide()
-        kept = list(self.seeds)
-        if [kept[game] for game in numbers.tolist()] != [*given]:
-            maps = self.maps.copy()
-            maps[numbers] = drawn_maps(given, self._num_maps)
-            self._begin[numbers] = self._starts(given, maps[numbers])
-            for game, seed in zip(numbers.tolist(), given, strict=True):
-                kept[game] = seed
-            self._put_public(maps=locked(maps), seeds=tuple(kept))
-        self._source_of[numbers] = source + self.maps[numbers]
+        starts = self._engine.starts
+        if starts.seeds_of(starts.now[numbers]) == [*given]:
+            starts.next[numbers] = starts.now[numbers]
+        else:
+            self._prepare(starts.next[numbers], given)
+        self._put_seeds(numbers, given, starts.streets[starts.next[numbers]], first)
         if any(own.is_needed for own in self._own):
             self._engine.release()
             self._take_functions(numbers)
-        self._engine.start(numbers, given, self._source_of[numbers], self._begin[numbers])
-        self._separate.forget(numbers.tolist())
-        if len(numbers) == len(self):
+        self._engine.start(numbers, first)
+        self._note_begun(numbers)
+
+    def _prepare(self, rows: IntArray, seeds: Sequence[int]) -> None:
+        """Draw what games have by these seeds when they begin, unless their rows have these seeds; see `NextStarts`."""
+        drawn = self._engine.starts.seeds_of(rows)
+        places = [place for place, seed in enumerate(seeds) if seed != drawn[place]]
+        if places:
+            new = [seeds[place] for place in places]
+            maps = drawn_maps(new, self._num_maps)
+            self._engine.starts.prepare(rows[places], new, maps, self._starts(new, maps))
+
+    def _put_seeds(self, games: IntArray, given: Sequence[int], of_games: IntArray, first: int | IntArray) -> None:
+        """Set the seeds, maps and sources of games that begin; `first`: see `_reset`."""
+        seeds = list(self.seeds)
+        for game, seed in zip(games.tolist(), given, strict=True):
+            seeds[game] = seed
+        maps = self.maps.copy()
+        maps[games] = of_games
+        self._put_public(seeds=tuple(seeds), maps=locked(maps))
+        self._source_of[games] = first + of_games
+
+    def _note_begun(self, games: IntArray) -> None:
+        """Note that games have begun: what was given to them before is forgotten."""
+        self._separate.forget(games.tolist())
+        if len(games) == len(self):
             self._log = []
             self._was_given = False
-        self._begun[numbers] = len(self._log)
+        self._begun[games] = len(self._log)
         first = max(0, int(self._begun.min()))  # drop the turns that no game needs any more
         del self._log[:first]
         self._begun[self._begun >= 0] -= first
@@ -684,7 +707,7 @@ class Batch(Surface, Immutable, NotPickled):
                 "Some of these games still play the strategies from before set_others, and a view is of games with the "
                 "same ones: reset all games first."
             )
-        return self._view_source(agents, *(sources or [self._newest + number]))
+        return self._view_source(agents, *(sources or [self._engine.newest[number]]))
 
     def _view_source(self, agents: IntArray, number: int) -> ArrayView:
         self._separate.observe([game for game in self.detached if self._source_of[game] == number])
@@ -1074,7 +1097,7 @@ def list_sources(games: Batch) -> list[int]:
 
 def list_newest_sources(games: Batch) -> range:
     """Return the numbers of the sources from which games begin, one for each map; see `view_source`."""
-    return range(games._newest, games._newest + games.num_maps)
+    return games._engine.newest
 
 
 def view_source(games: Batch, number: int, team: Hashable, agent: str | None = None) -> ArrayView:
@@ -1091,7 +1114,7 @@ def have_first_roads(games: Batch) -> bool:
 
 def find_pools(games: Batch) -> list[Hashable]:
     """Return the teams that play a pool in a game of a batch, or will play one in the next."""
-    numbers = dict.fromkeys([*list_sources(games), games._newest])
+    numbers = dict.fromkeys([*list_sources(games), *list_newest_sources(games)[:1]])
     deciders = [games._name_deciders(number) for number in numbers]
     return [*dict.fromkeys(team for one in deciders for team, by in one.items() if not isinstance(by, str))]
 
@@ -1130,6 +1153,33 @@ def step_with(
 def plays_at_once(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
     """Return whether the core plays a whole turn with these actions in one call."""
     return games._engine.plays_moves(given)
+
+
+def begins_at_once(games: Batch) -> bool:
+    """Return whether games may begin again in the call that plays a turn.
+
+    No game is shown, and no functions are made for the games that begin.
+    """
+    return games._shown is None and not any(games._own[number].is_needed for number in games._engine.newest)
+
+
+def prepare_starts(games: Batch, which: IntArray, later: IntArray, seeds: Sequence[int], ahead: int) -> None:
+    """Draw what games have by their seeds at their next starts, of which as many as `ahead` are kept.
+
+    Args:
+        games: the batch.
+        which: the numbers of the games, which may occur several times.
+        later: how many starts of the game come before each; less than `ahead`.
+        seeds: the seed of each.
+        ahead: the same number in all calls.
+
+    Raises:
+        ScenarioError: with one of the seeds, not all agents can be placed.
+    """
+    starts = games._engine.starts
+    if starts.ahead != ahead:
+        starts.make_room(ahead)
+    games._prepare(which * ahead + (starts.next[which] + later) % ahead, seeds)
 
 
 def load_columns(

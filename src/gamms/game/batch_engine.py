@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import partial
 from math import hypot
 from time import perf_counter
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
+from gamms.core.block import AT_START, GameStarts
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns, play_step
 from gamms.deciding import DecidePhase
@@ -29,7 +31,7 @@ from gamms.game.block.columns import (
     sensors_of,
 )
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
-from gamms.game.block.initial_state import InitialState, movement_of
+from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.block.state import GameArrays, LeavesSharedContext
 from gamms.game.conflicts import flat, refuse_unranked, unranked
@@ -88,9 +90,10 @@ class GamesOnOneMap:
         game: the game at its start, on the map.
         state: the state of all games of the batch, on this map.
         block: the columns that the games on all maps share.
-        games: (games,) the games that begin on the map.
-        own: the differences between the games from their start.
         number: the number of the map.
+        own: the differences between the games from their start.
+        starts: what games have by their seeds when they begin.
+        games: (games,) the games that begin on the map now.
 
     Attributes:
         game, state: see above.
@@ -109,9 +112,10 @@ class GamesOnOneMap:
         game: PlayedGame,
         state: GameArrays,
         block: CoreColumns,
-        games: IntArray,
-        own: FunctionsPerGame,
         number: int,
+        own: FunctionsPerGame,
+        starts: NextStarts,
+        games: IntArray,
     ) -> None:
         self.game = game
         self._own = own
@@ -144,8 +148,7 @@ class GamesOnOneMap:
         self._is_asked = np.isin(np.arange(len(roster.names)), asked)
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
         has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-        self._initial = InitialState(game, state, block, games)
-        self._put_own(games)
+        self._begin_all(starts, games)
         carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         note_sensors(state, with_nodes=any(map(turns_with_agent, carried)))
         self._pointed = PointedContext(game, state, own.first)
@@ -161,6 +164,21 @@ class GamesOnOneMap:
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
+
+    def _begin_all(self, starts: NextStarts, games: IntArray) -> None:
+        """Write the start of a game to a block of one game, and begin the first games on this map with its row."""
+        state = self.state
+        on_start = np.full((1, len(state.roster.names)), AT_START)
+        first = GameArrays(state.roster, copy(state.movement), [0], on_start, others=state.movements)
+        columns = CoreColumns([first], np.zeros(1, np.int64))
+        self._initial = InitialState(self.game, first, columns)
+        first.scores.put(0, self.game.scores)
+        columns.give()
+        state.first |= first.first
+        self._beginning = BeginningGames(state, self._block, first, columns, starts)
+        self.begin(games)
+        self._initial.put_values(state, games)
+        self._put_own(games)
 
     def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], *, has_array_functions: bool) -> Cursor:
         """Return the object that calls plain functions; see `CalledFunctions.of`."""
@@ -215,10 +233,19 @@ class GamesOnOneMap:
         at_rest: BoolArray = self.state.movement.on_edge((np.arange(games)[:, None], np.arange(agents))) < 0
         return at_rest
 
-    def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin games on this map with new seeds; their agents start on these nodes, (games, agents)."""
-        self.state.reset(games, seeds, self.state.streets.rows(start))
-        self._initial.put(self.state, self._block, games)
+    @property
+    def starts(self) -> GameStarts:
+        """Begins games on this map, in the core."""
+        return self._beginning.core
+
+    def begin(self, games: IntArray) -> None:
+        """Begin games on this map; see `note_begun`."""
+        self.starts.begin(flat(games, np.int64))
+
+    def note_begun(self, games: IntArray, seeds: Sequence[int]) -> None:
+        """Set the values of games that have begun with these seeds, besides columns."""
+        self.state.forget(games, seeds)
+        self._initial.put_values(self.state, games)
         self._put_own(games)
         self._pointed.forget(games)
 
@@ -631,6 +658,8 @@ class BatchEngine(TurnDriver):
     Attributes:
         stop_at: (games,) the turn at which the last run stopped each game; None: it had no limit.
         maps_in_use: the numbers of the maps that games are on.
+        newest: the numbers of the maps on which games begin from now on: those that were put last.
+        starts: what the next starts of games have by their seeds.
 
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
@@ -658,11 +687,10 @@ class BatchEngine(TurnDriver):
         }
         self._map_of = map_of.copy()
         self._on = self._find_games(len(games))
-        begin = np.zeros_like(start)
-        for movement, of_map in zip(movements, self._on, strict=True):
-            begin[of_map] = movement.streets.rows(start[of_map])
+        self._num_streets = num_streets
+        self.newest = range(num_streets)
         settings = games[0].settings()
-        self._state = GameArrays(rosters[0], movements[0], seeds, begin, others=movements[1:])
+        self._state = GameArrays(rosters[0], movements[0], seeds, None, others=movements[1:])
         self._state.radio = _radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
@@ -677,14 +705,14 @@ class BatchEngine(TurnDriver):
         self._can_stop = False
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
+        self.starts = NextStarts(states, map_of, start)
         self._maps = [
-            GamesOnOneMap(game, state, self._block, of_map, values, number)
+            GamesOnOneMap(game, state, self._block, number, values, self.starts, of_map)
             for number, (game, state, of_map, values) in enumerate(zip(games, states, self._on, own, strict=True))
         ]
         self._num_parts = self._maps[0].core.num_parts
         self._leaves_out = self._maps[0].leaves_out
         self._by_metres = any(movement.by_metres for movement in movements)
-        self._num_streets = num_streets
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
         if num_streets > 1 and all(movement.is_plain for movement in movements):
             self._tables = join_streets([movement.streets for movement in movements[:num_streets]])
@@ -744,11 +772,12 @@ class BatchEngine(TurnDriver):
         states = [self._state.on_map(*pair) for pair in zip(movements, rosters, strict=True)]
         none = np.zeros(0, np.int64)
         maps = [
-            GamesOnOneMap(game, state, self._block, none, values, first + place)
+            GamesOnOneMap(game, state, self._block, first + place, values, self.starts, none)
             for place, (game, state, values) in enumerate(zip(games, states, own, strict=True))
         ]
         self._maps[first : first + len(maps)] = maps
         self._block.take_states([one.state for one in self._maps])
+        self.newest = range(first, first + len(maps))
         self._on = self._find_games(len(self._maps))
         self._find_phases()
 
@@ -811,26 +840,26 @@ class BatchEngine(TurnDriver):
             if one.cursor is not None:
                 one.cursor.release()
 
-    def start(self, games: IntArray, seeds: Sequence[int], maps: IntArray, nodes: IntArray) -> None:
-        """Begin games again.
+    def start(self, games: IntArray, first: int | IntArray) -> None:
+        """Begin games with their next rows; `first`: the number of the map of each one that has the first streets."""
+        maps = first + self.starts.streets[self.starts.next[games]]
+        for number in np.unique(maps).tolist():
+            self._maps[number].begin(games[maps == number])
+        self._note_begun(games, maps)
 
-        Args:
-            games: the numbers of the games.
-            seeds: one seed for each of these games.
-            maps: (games,) the numbers of their maps from now on.
-            nodes: (games, agents) the ids of the start nodes.
-        """
+    def _note_begun(self, games: IntArray, maps: IntArray) -> None:
+        """Set the values of games that have begun on these maps, besides columns."""
         self._map_of[games] = maps
-        self._on = self._find_games(len(self._maps))
-        if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
-            self._find_phases()
+        if len(self._maps) > 1:
+            self._on = self._find_games(len(self._maps))
+            if self.maps_in_use != [number for number, on_map in enumerate(self._on) if len(on_map)]:
+                self._find_phases()
         self._state.is_apart[games] = False
         if self.stop_at is not None:
             self.stop_at[games] = np.iinfo(np.int64).max
-        for number, one in enumerate(self._maps):
-            which = np.flatnonzero(maps == number)
-            if len(which):
-                one.start(games[which], [seeds[place] for place in which.tolist()], nodes[which])
+        for number in np.unique(maps).tolist():
+            those = games[maps == number]
+            self._maps[number].note_begun(those, self.starts.seeds_of(self.starts.now[those]))
 
     @property
     def is_over(self) -> BoolArray:
@@ -903,9 +932,12 @@ class BatchEngine(TurnDriver):
         try:
             self._play_turns(1, self._now.agents.takes, threads, writer)
         except TurnInterrupted:
-            if writer is not None:  # the turn was taken back
-                writer.look()
+            if writer is not None:
+                writer.take_back()
             raise
+        if writer is not None and len(writer.begun):
+            streets = self.starts.streets[self.starts.now[writer.begun]]
+            self._note_begun(writer.begun, self.newest.start + streets)
         return 1
 
     def _play_turns(
@@ -1333,7 +1365,8 @@ class BatchEngine(TurnDriver):
 
         def play_part(thread: int, begin: int, end: int) -> None:
             if writer is not None:
-                play_step(steps[thread], [core.player(thread) for core in cores], begin, end)
+                players = [core.player(thread) for core in cores]
+                play_step(steps[thread], players, starts, writer.waits, begin, end)
                 return
             for core in cores:
                 core.play_part(thread, begin, end, phase)
@@ -1341,6 +1374,7 @@ class BatchEngine(TurnDriver):
         if writer is not None:
             columns = memory_of(self._block.given), memory_of(self._block.score)
             steps = writer.begin_step(self._turns, *columns, self._block.score.shape[1])
+            starts = [self._maps[number].starts for number in self.newest] if writer.begins else []
         in_threads(play_part, len(self._map_of), threads, waits=self._can_stop)
         if writer is not None:
             writer.end_step()

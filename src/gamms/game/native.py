@@ -435,8 +435,8 @@ class GameInCore:
         game = self._game
         state = self._state
         game.internals.parts.turns.update_counts()
-        state.reset(_GAME, [game.ctx.seed], begin)
-        InitialState(game, state, self._columns, _GAME)
+        state.reset([game.ctx.seed], begin)
+        InitialState(game, state, self._columns).put_values(state, _GAME)
         for key, kept in state.kept.items():
             for name, values in state.first.get(key, {}).items():
                 kept[name][...] = values

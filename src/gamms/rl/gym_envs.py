@@ -26,11 +26,16 @@ from gamms.rl.interface import (
     prepare,
     rendered,
 )
-from gamms.rl.learners import ActionArray, Seeds
+from gamms.rl.learners import ActionArray, Begins, Seeds
 from gamms.scenario import Scenario
 from gamms.text import shown
 
 Infos = dict[str, Any]
+_BEGINS: dict[AutoresetMode, Begins] = {
+    AutoresetMode.SAME_STEP: "ended",
+    AutoresetMode.NEXT_STEP: "waiting",
+    AutoresetMode.DISABLED: None,
+}
 Observed = Any  # `observation` and `action_mask`, or the observation alone
 
 
@@ -268,17 +273,27 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn."""
         learners = self.learners
-        was_over = learners.is_over
-        played = learners.step(*self._interface.heads_of([(self._everyone, actions)]))
-        if self._autoreset_mode is AutoresetMode.NEXT_STEP and was_over.any():
-            learners.begin_again(np.flatnonzero(was_over))
-        last = self._flat(self._interface.columns())
-        now = last
+        mode = self._autoreset_mode
+        was_over = learners.is_over if mode is AutoresetMode.NEXT_STEP else None
+        heads = self._interface.heads_of([(self._everyone, actions)])
+        played = learners.step(*heads, begins=_BEGINS[mode])
+        begun = learners.begun
+        if was_over is not None:
+            was_over[begun] = False
+            if was_over.any():
+                learners.begin_again(np.flatnonzero(was_over))
+        now = self._flat(self._interface.columns())
+        last = now
         num_over = np.count_nonzero(learners.is_over)
-        if self._autoreset_mode is AutoresetMode.SAME_STEP and (played.num_ended or num_over):
-            now = {key: column.copy() for key, column in last.items()}
-        if self._autoreset_mode is AutoresetMode.SAME_STEP and num_over:
-            self._begin_ended(now)
+        if mode is AutoresetMode.SAME_STEP and (played.num_ended or len(begun) or num_over):
+            last = {key: column.copy() for key, column in now.items()}
+            if len(begun):
+                self._put(last, begun, self._interface.ended_columns())
+        if mode is AutoresetMode.SAME_STEP and num_over:
+            now = {key: column.copy() for key, column in now.items()}
+            ended = np.flatnonzero(learners.is_over)
+            learners.begin_again(ended)
+            self._put(now, ended, self._interface.columns(ended))
         return SlotsTurn(
             now,
             last,
@@ -288,12 +303,10 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             played.valid.reshape(-1),
         )
 
-    def _begin_ended(self, now: Columns) -> None:
-        """Begin the games that have ended again, and write their observations into columns of all slots."""
-        ended = np.flatnonzero(self.learners.is_over)
-        self.learners.begin_again(ended)
-        for key, column in self._interface.columns(ended).items():
-            now[key].reshape(self.num_games, self.num_agents, *column.shape[2:])[ended] = column
+    def _put(self, columns: Columns, games: IntArray, rows: Columns) -> None:
+        """Write the rows of some games into columns of all slots."""
+        for key, of_games in rows.items():
+            columns[key].reshape(self.num_games, self.num_agents, *of_games.shape[2:])[games] = of_games
 
     def _rendered(self) -> Any:
         """Return a picture of game 0, or show it in its window."""

@@ -114,6 +114,11 @@ class EnvInterface:
         masks = self.masks()
         return found | {"action_mask": (masks if which is None else masks[which]).astype(np.int8)}
 
+    def ended_columns(self) -> Columns:
+        """Return what `columns` returned for the games `learners.begun` before they began again."""
+        values, masks = self.learners.observe_ended()
+        return {"observation": values, "action_mask": masks.astype(np.int8)}
+
     def given(self, columns: Columns) -> Any:
         """Return observations in the form of the environment, from columns of any shape."""
         return columns if self.has_masks else columns["observation"]

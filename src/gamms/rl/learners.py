@@ -7,17 +7,18 @@ from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, LearnerWriter, movement_in, vectors_in, writer_of
 from gamms.game.batch import (
     Batch,
     MostAgents,
+    begins_at_once,
     change_strategies,
     find_pools,
     have_first_roads,
@@ -25,6 +26,7 @@ from gamms.game.batch import (
     list_sources,
     name_opponents,
     plays_at_once,
+    prepare_starts,
     reset_alike,
     step_with,
     view_source,
@@ -46,8 +48,12 @@ ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 Seeds = int | Sequence[int | None] | None  # of games: one seed for all, or one for each
 
 _MOST_OTHERS = 8
+_STARTS_AHEAD = 2  # starts of each game that are drawn
+_OFTEN = 4  # they are drawn again when as many games as one in this many have begun
 _GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
 
+
+Begins = Literal["ended", "waiting"] | None  # which games a step begins again
 
 Observation = Callable[[ArrayView], Any]
 """Maps a view of a team's agents to numbers, (games, agents, …).
@@ -118,6 +124,7 @@ class Learners:
         has_begun: whether games have begun; before that, environments play no turn.
         stride: the number of games, including those of other processes.
         may_return: whether a rule brings back agents that are out; then they wait, and end with their games.
+        begun: the numbers of the games that have begun again in the last step; see `step`.
         drawn: what each game plays with, for infos, each (games,): "opponent.<team>", the name of the strategy of each
             other team that `others` names, and of the member that it has drawn if it plays a pool; and with several
             maps "map" and "map_spec", see `ArrayView`.
@@ -177,6 +184,8 @@ class Learners:
         self._first = first + np.arange(number)
         self._episodes = np.zeros(number, np.int64)
         self.stride = number
+        self.begun: IntArray = np.zeros(0, np.int64)
+        self._num_used = 0  # how many games have begun since their next starts were drawn
         try:
             self._look_at((teams,) if isinstance(teams, str) else teams, agent)
             self._refuse_learners(first_others)
@@ -298,6 +307,11 @@ class Learners:
 
     # -- playing ------------------------------------------------------------------------------------------------
 
+    def observe_ended(self) -> tuple[Any, BoolArray]:
+        """Return the observations and legal actions in the games `begun` before they began again."""
+        assert self._writer is not None  # noqa: S101 - it has begun them
+        return self._writer.last_values[self.begun], self._writer.last_legal[self.begun]
+
     def observe(self, which: IntArray | None = None) -> Any:
         """Return the observations of all agents, (games, agents, …), in the games `which`; None: all."""
         if self._writer is not None and self._is_written and self._has_vectors:
@@ -325,15 +339,25 @@ class Learners:
         return self._checked(self._observe(view), view, "observation")
 
     def step(
-        self, actions: ActionArray, deeds: ActionArray | None = None, flights: FloatArray | None = None
+        self,
+        actions: ActionArray,
+        deeds: ActionArray | None = None,
+        flights: FloatArray | None = None,
+        *,
+        begins: Begins = None,
     ) -> TurnOutcome:
         """Play one turn of the unfinished games.
+
+        With `begins`, the core begins ended games again in the same call, with their next seeds: those in `begun`. The
+        caller begins the others, whose next start is not drawn yet, or which need functions: `begin_again`.
 
         Args:
             actions: (games, agents); after an illegal action the agent stays.
             deeds: (games, agents) numbers of deed choices; an illegal one is not done. None: agents only move.
             flights: (games, agents, 3) the flights of flying agents: east, north and up, as shares of their reach in a
                 turn. A flight longer than 1 is shortened to 1; one that is not finite hovers. None: all hover.
+            begins: "ended": games begin again that end in this turn; "waiting": those that had ended before; None: none
+                do.
         """
         self._refuse_closed()
         turn = self._turn
@@ -356,9 +380,17 @@ class Learners:
         scores = {} if is_at_once and before is None else self.games.scores
         if writer is None:
             turn.begin()
+        else:
+            writer.waits = begins == "waiting"
+            writer.begins = begins is not None and before is None and self._can_begin()
         step_with(self.games, given, self._threads, is_logged=True, writer=writer)
         self._prefix.add(~turn.was_over, heads, flights)
         self._known_views = None
+        self.begun = np.zeros(0, np.int64) if writer is None else writer.begun
+        if len(self.begun):
+            self._episodes[self.begun] += 1
+            self._set_of[self.begun] = self._newest
+            self._note_begun(self.begun)
         if writer is not None and before is None:
             return turn.outcome(writer.num_ended)
         if writer is None:
@@ -368,6 +400,26 @@ class Learners:
         if before is not None:
             self._refuse_no_numbers(outcome.rewards)
         return outcome
+
+    def _can_begin(self) -> bool:
+        """Return whether the core can begin games again in a step; draw starts if some games have used theirs."""
+        if not (self._has_vectors and begins_at_once(self.games)):
+            return False
+        if self._num_used * _OFTEN >= len(self.games):
+            self._num_used = 0
+            self._draw_starts()
+        return True
+
+    def _draw_starts(self) -> None:
+        """Draw the next starts of games, so that they may begin again in steps."""
+        left = self._turn.may_begin
+        pairs = [(np.flatnonzero(left <= later), later) for later in range(_STARTS_AHEAD)]
+        which = np.concatenate([games for games, _ in pairs])
+        later = np.concatenate([np.full_like(games, number) for games, number in pairs])
+        seeds = (self._first[which] + (self._episodes[which] + later) * self.stride).tolist()
+        with suppress(GammsError):  # agents do not fit in a game; `begin` raises the error when that game is reached
+            prepare_starts(self.games, which, later, seeds, _STARTS_AHEAD)
+            left[:] = _STARTS_AHEAD
 
     def _script(
         self, given: dict[Hashable, OutsideActions], heads: Sequence[IntArray], flown: FloatArray | None
@@ -420,6 +472,7 @@ class Learners:
         else:
             self._first[games] = as_int(seed, "seed") + games
         self._episodes[games] = 0
+        self._turn.may_begin[games] = 0
 
     def begin_again(self, which: IntArray) -> None:
         """Begin games with their first seeds, and at each later start with a seed larger by `stride`."""
@@ -472,17 +525,23 @@ class Learners:
         else:
             self.games.reset(which, seeds=seeds)
             self._set_of[which] = self._newest
+        self._turn.may_begin[which] = 0
+        self.has_begun = True
+        self._note_begun(which)
+        if self._writer is not None:
+            self._writer.move(self.games.maps)
+        self._look(which)
+
+    def _note_begun(self, which: IntArray) -> None:
+        """Note what games that have begun play with, and forget their actions."""
         for team in self._opposing:
             self.drawn[f"opponent.{team}"][which] = name_opponents(self.games, team, which)
         if "map" in self.drawn:
             self.drawn["map"][which] = self.games.maps[which]
             for game in which.tolist():
                 self.drawn["map_spec"][game] = self._specs[self.games.maps[game]]
-        self.has_begun = True
         self._prefix.begin(which)
-        if self._writer is not None:
-            self._writer.move(self.games.maps)
-        self._look(which)
+        self._num_used += len(which)
 
     def carried(self) -> GamesCheckpoint:
         """Return a checkpoint of the games, for `restore` in learners of the same scenario and options."""
@@ -515,6 +574,7 @@ class Learners:
                     self.step(*carried.prefix.at(turn - behind))
         if carried.newest and (carried.seeds is None or carried.newest not in carried.set_of):
             self.set_others(carried.others[carried.newest])
+        self._turn.may_begin[:] = 0
         self._first[:] = carried.first
         self._episodes[:] = carried.episodes
         self._seed = carried.seed

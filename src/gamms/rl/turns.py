@@ -116,8 +116,8 @@ class TurnArrays:
         may_return: whether agents that are out may come back.
 
     Attributes:
-        counts, alive, over, was_over, late, earned, moves: see `core.observe.LearnerTurn`; (games, agents), or
-            (games,).
+        counts, alive, over, was_over, late, earned, moves, may_begin, begun: see `core.observe.LearnerTurn`; (games,
+            agents), or (games,).
         core: these arrays in the form of the core.
     """
 
@@ -125,7 +125,8 @@ class TurnArrays:
         self.counts, self.moves = np.zeros((2, *shape), np.int64)
         self.earned, self._rewards = np.zeros((2, *shape))
         self.alive, self._plays, self._terminated, self._truncated = np.zeros((4, *shape), np.bool_)
-        self.over, self.late, self.was_over = np.zeros((3, shape[0]), np.bool_)
+        self.over, self.late, self.was_over, self.begun = np.zeros((4, shape[0]), np.bool_)
+        self.may_begin = np.zeros(shape[0], np.uint8)
 
         self.core = observe.LearnerTurn(
             *shape,
@@ -140,6 +141,8 @@ class TurnArrays:
             rewards=data(self._rewards),
             terminated=data(self._terminated),
             truncated=data(self._truncated),
+            may_begin=data(self.may_begin),
+            begun=data(self.begun),
             may_return=may_return,
         )
 

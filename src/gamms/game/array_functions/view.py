@@ -763,6 +763,10 @@ class TurnColumns(Protocol):
     core: observe.LearnerTurn
     alive: BoolArray
     counts: IntArray
+    over: BoolArray
+    was_over: BoolArray
+    begun: BoolArray
+    may_begin: np.ndarray[Any, np.dtype[np.uint8]]
 
 
 class LearnerWriter:
@@ -771,7 +775,7 @@ class LearnerWriter:
     Args:
         turn: the turns of the learners.
         observers: the learners in the form of the core.
-        output: the form of their vectors and legal actions.
+        outputs: the form of their vectors and legal actions, now and before games begin again.
         rooms: scratch buffers; for each, a thread plays and writes a part of the games.
         first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
         first_node: (games,) the index of the first node of each game's map.
@@ -779,30 +783,42 @@ class LearnerWriter:
     Attributes:
         values: (games, learners, entries) the vectors that were written last.
         legal: (games, learners, actions) the legal actions that were written last.
+        begins: whether games that end begin again in a step, if they may.
+        waits: whether they do so in the step after the one in which they end.
+        last_values, last_legal: of games that have begun again in a step, the vectors and legal actions before.
+        begun: the numbers of these games.
     """
 
     values: Vectors32
     legal: BoolArray
+    last_values: Vectors32
+    last_legal: BoolArray
+    begun: IntArray
 
     def __init__(
         self,
         turn: TurnColumns,
         observers: observe.Observers,
-        output: observe.VectorObservations,
+        outputs: tuple[observe.VectorObservations, observe.VectorObservations],
         rooms: list[observe.NearestAgents],
         first: IntArray,
         first_node: IntArray,
     ) -> None:
+        self._columns = turn
         self._turn = turn.core
         self._shape = turn.alive.shape
         self._games: Any = flat(np.arange(self._shape[0]), np.int64)  # memoryviews are not subscriptable
         self._observers = observers
-        self._output = output
+        self._output, self._last_output = outputs
         self._rooms = rooms
         self._first = first
         self._first_node = first_node
         self._steps: list[LearnerStep] = []
+        self.begins = False
+        self.waits = False
+        self.begun = np.zeros(0, np.int64)
         self._make_arrays()
+        self.last_values, self.last_legal = self._make_pair(self._last_output)
 
     def move(self, maps: IntArray) -> None:
         """Set the map of each game by its number, (games,)."""
@@ -810,10 +826,22 @@ class LearnerWriter:
 
     def _make_arrays(self) -> None:
         """Make arrays for new vectors and legal actions."""
-        self.values = np.empty((*self._shape, self._output.entries), np.float32)
-        self.legal = np.empty((*self._shape, self._output.actions), np.bool_)
-        buffers: Any = self.values.reshape(-1).data, self.legal.view(np.uint8).reshape(-1).data
-        self._output.take(*buffers)
+        self.values, self.legal = self._make_pair(self._output)
+
+    def _make_pair(self, output: observe.VectorObservations) -> tuple[Vectors32, BoolArray]:
+        """Return arrays for vectors and legal actions, to which the core writes from now on."""
+        values = np.empty((*self._shape, output.entries), np.float32)
+        legal = np.empty((*self._shape, output.actions), np.bool_)
+        buffers: Any = values.reshape(-1).data, legal.view(np.uint8).reshape(-1).data
+        output.take(*buffers)
+        return values, legal
+
+    def take_back(self) -> None:
+        """Write what the learners see after a turn was taken back."""
+        self._columns.over[:] = self._columns.was_over
+        self._columns.may_begin[:] = 0  # some threads may have begun games
+        self.begun = self.begun[:0]
+        self.look()
 
     def look(self, which: IntArray | None = None) -> None:
         """Write what the learners see into new arrays.
@@ -840,8 +868,9 @@ class LearnerWriter:
     ) -> list[LearnerStep]:
         """Return a step for each thread, which writes into new arrays; see `core.turn.LearnerStep`."""
         if not self._steps:
-            of_games = turns, self._turn, given, score, teams, self._observers, self._output
-            self._steps = [LearnerStep(*of_games, room) for room in self._rooms]
+            of_games = turns, self._turn, given, score, teams, self._observers, self._output, self._last_output
+            maps = flat(self._first, np.int64), flat(self._first_node, np.int64)
+            self._steps = [LearnerStep(*of_games, room, *maps) for room in self._rooms]
         for room in self._rooms:
             room.searches = len(self._rooms) == 1
             room.lacks = False
@@ -850,6 +879,9 @@ class LearnerWriter:
 
     def end_step(self) -> None:
         """Look again if the threads of a step lack distances by road, which only one thread may search."""
+        self.begun = np.zeros(0, np.int64)
+        if sum(step.num_begun for step in self._steps):
+            self.begun = np.flatnonzero(self._columns.begun)
         if any(room.lacks for room in self._rooms):
             self.look()
 
@@ -910,8 +942,9 @@ def writer_of(
         ways = make_distances(streets)
         if turn.alive.size * _TURNS_AHEAD >= first[-1]:
             find_distances(ways, streets, _widest_square(looks[0], agents))
-    output = encoder.output(vectors._replace(counts=turn.counts))
-    return LearnerWriter(turn, observers, output, encoder.rooms(ways, threads), first, first_node)
+    vectors = vectors._replace(counts=turn.counts)
+    outputs = encoder.output(vectors), encoder.output(vectors)
+    return LearnerWriter(turn, observers, outputs, encoder.rooms(ways, threads), first, first_node)
 
 
 def _widest_square(looks: tuple[Any, Any, Any], agents: IntArray) -> float:

@@ -460,6 +460,11 @@ class CoreColumns:
         self.held[those] = 0
         self.part[those] = 0
 
+    @property
+    def begun_columns(self) -> list[np.ndarray[Any, Any]]:
+        """The columns with whose rows games begin."""
+        return [self.start, self.went, self.takes_part, self.held, self.part, self.over, self.score]
+
     def events_of(self, thread: int) -> rules.Events:
         """Return the events of a thread."""
         while len(self.events) <= thread:

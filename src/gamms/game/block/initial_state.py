@@ -1,4 +1,8 @@
-"""The initial state of a batch, copied from its game, which may have been played for some turns."""
+"""The initial state of a batch, copied from its game, which may have been played for some turns.
+
+`InitialState` writes it to a block of one game. `NextStarts` has what differs between the games of a batch. The core
+begins games with rows of both: `core.block.begin_game`.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,10 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.core.block import AT_START, GameStarts, StartColumn
 from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, starts_of
-from gamms.game.block.in_core import CoreColumns
-from gamms.game.block.state import STOPPED, GameArrays
+from gamms.game.block.in_core import CoreColumns, memory_of
+from gamms.game.block.state import STOPPED, Drawn, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.courses import Legs, Paths, paths_along, paths_over
 from gamms.game.movement.legal_moves import Movement, TravelTerms
@@ -65,14 +70,136 @@ def movement_of(
     return Movement(streets, whole, closed, speeds=speeds if any(speed is not None for speed in speeds) else None)
 
 
+class NextStarts:
+    """What the next starts of the games of a batch have by their seeds: some rows for each game, used in turn.
+
+    Args:
+        states: the state of the games on each map, which have begun.
+        streets: (games,) the number of the map of each game.
+        start: (games, agents) the ids of the start nodes.
+
+    Attributes:
+        ahead: the number of rows of each game.
+        seeds: the seed of each row.
+        streets: (rows,) the number of its map, whatever the strategies on it.
+        nodes: (rows, agents) the rows of the start nodes.
+        drawn: rows of `BatchColumns.drawn`.
+        next: (games,) the row with which each game begins next.
+        now: (games,) the row with which it has begun.
+    """
+
+    def __init__(self, states: Sequence[GameArrays], streets: IntArray, start: IntArray) -> None:
+        self._states = states
+        self.ahead = 1
+        self.seeds = list(states[0].seeds)
+        self.streets = np.zeros_like(streets)
+        self.nodes = np.zeros(start.shape, np.int64)
+        self.drawn: dict[Drawn, np.ndarray[Any, Any]] = {}
+        self.next = np.arange(len(start))
+        self.now = np.arange(len(start))
+        self._put_nodes(self.next, streets, start)
+
+    def seeds_of(self, rows: IntArray) -> list[int]:
+        """Return the seeds of rows."""
+        return [self.seeds[row] for row in rows.tolist()]
+
+    def make_room(self, ahead: int) -> None:
+        """Reserve memory for `ahead` rows of each game, which all are as the one with which it has begun."""
+        rows = np.repeat(self.now, ahead)
+        self.ahead = ahead
+        self.seeds = [self.seeds[row] for row in rows.tolist()]
+        self.streets = self.streets[rows]
+        self.nodes = self.nodes[rows]
+        self.drawn = {key: one[rows] for key, one in self.drawn.items()}
+        self.now = np.arange(len(self.now)) * ahead
+        self.next = self.now.copy()
+
+    def prepare(self, rows: IntArray, seeds: Sequence[int], streets: IntArray, start: IntArray) -> None:
+        """Set the seeds of rows, their maps and start nodes, as above, and draw the rest."""
+        self._draw_new()
+        for row, seed in zip(rows.tolist(), seeds, strict=True):
+            self.seeds[row] = seed
+        for key, drawn in self._states[0].draw_rows(seeds).items():
+            self.drawn[key][rows] = drawn
+        self._put_nodes(rows, streets, start)
+
+    def _put_nodes(self, rows: IntArray, streets: IntArray, start: IntArray) -> None:
+        self.streets[rows] = streets
+        for number, state in enumerate(self._states):
+            which = np.flatnonzero(streets == number)
+            self.nodes[rows[which]] = state.streets.rows(start[which])
+
+    def list_drawn(self) -> list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]]:
+        """Return the columns of games that seeds draw, each with its rows."""
+        self._draw_new()
+        return [(column, self.drawn[key]) for key, column in self._states[0].drawn.items()]
+
+    def _draw_new(self) -> None:
+        """Draw what games have drawn by their seeds since the last call."""
+        state = self._states[0]
+        if len(self.drawn) < len(state.drawn):
+            found = state.drawn if self.seeds == state.seeds else state.draw_rows(self.seeds)
+            self.drawn |= {key: found[key].copy() for key in found if key not in self.drawn}
+
+
+class BeginningGames:
+    """The games on a map that begin: each with the row of a block of one game, and with rows of its own.
+
+    Args:
+        state: the state of all games.
+        columns: the columns of all games that the core writes.
+        first: the state of the block of one game, whose nodes are `AT_START` where games draw them.
+        first_columns: its columns that the core writes.
+        starts: what games have by their seeds.
+    """
+
+    def __init__(
+        self,
+        state: GameArrays,
+        columns: CoreColumns,
+        first: GameArrays,
+        first_columns: CoreColumns,
+        starts: NextStarts,
+    ) -> None:
+        self._state = state
+        self._starts = starts
+        mine = state.begun_columns + columns.begun_columns
+        theirs = first.begun_columns + first_columns.begun_columns
+        self._columns = [pair for pair in zip(mine, theirs, strict=True) if pair[1].size]
+        self._core: tuple[tuple[int, int], GameStarts] | None = None  # with the numbers of rows and drawn columns
+
+    @property
+    def core(self) -> GameStarts:
+        """The same for the core."""
+        starts = self._starts
+        form = starts.ahead, len(self._state.drawn)
+        if self._core is None or self._core[0] != form:
+            behind: StartColumn | None = None
+            for column, row in self._columns:
+                behind = _start_column(column, row, behind, is_shared=True)
+            for column, rows in starts.list_drawn():
+                behind = _start_column(column, rows, behind, is_shared=False)
+            assert behind is not None  # noqa: S101 - games have columns
+            made = GameStarts(
+                behind,
+                memory_of(starts.nodes),
+                len(self._state.roster.names),
+                memory_of(starts.streets),
+                memory_of(starts.next),
+                memory_of(starts.now),
+                starts.ahead,
+            )
+            self._core = form, made
+        return self._core[1]
+
+
 class InitialState:
     """The initial state of the games on one map of a batch.
 
     Args:
         game: the game at the start of the batch; its context is not played in.
-        state: the state of all games of the batch, with agents, deeds and channels already set.
-        columns: the columns of all games that the core writes.
-        games: the numbers of the games on the map.
+        state: the state of a block of one game, which gets this state; with agents and channels already set.
+        columns: its columns that the core writes.
 
     Attributes:
         turn: the number of turns played before the batch.
@@ -83,7 +210,7 @@ class InitialState:
         UnknownName (KeyError): an agent moved over a node that is no longer on the map.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns) -> None:
         if game.turn:
             _take_places(game, state.movement)
         block = game.ctx.agent.block
@@ -118,7 +245,7 @@ class InitialState:
         if state.flights is not None:
             self._take_flights(game, state)
         self._take_counts(values, names)
-        self.put(state, columns, games)
+        self._put(state, columns, np.zeros(1, np.int64))
         self._take_memories(game, state)
 
     def _take_counts(self, values: GameState, names: Sequence[str]) -> None:
@@ -147,8 +274,8 @@ class InitialState:
         """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
-    def put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
-        """Set games, which were reset, to this state."""
+    def _put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
+        """Write the columns of games, which were reset."""
         state.turn[games] = self.turn
         state.blocked[games] = self._blocked
         state.stops[games] = self._stops
@@ -162,22 +289,26 @@ class InitialState:
         state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
         state.node[games[:, None], self._gone] = self._gone_at
         state.plays[games[:, None], self._gone_teams] = True
-        self._put_flights(state, games)
         for number, place in self._progress:
             if place is not None:
                 state.movement.put_on(games, number, place)
         for kind, numbers in self._counts.items():
             state.counts[kind][games] = numbers
-        state.scores.put(games, self._scores)
         if self._over is not None:
-            for game in games.tolist():
-                state.over[game] = dict(self._over)
             state.is_going[games] = False
-        self._put_logs(state, games)
         columns.begin(games)
         if self._parts_played:
             columns.part[games] = self._parts_played
             columns.takes_part[games] = state.alive[games]
+
+    def put_values(self, state: GameArrays, games: IntArray) -> None:
+        """Write the scores, ends, logs and flights of games that have begun with these columns."""
+        self._put_flights(state, games)
+        state.scores.put(games, self._scores)
+        if self._over is not None:
+            for game in games.tolist():
+                state.over[game] = dict(self._over)
+        self._put_logs(state, games)
 
     def _take_departed(self, game: PlayedGame, state: GameArrays) -> None:
         """Store where agents were deleted."""
@@ -269,6 +400,22 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if not by_metres and place is not None and (speed_of(block, row) is None or place.source != block.node_of(row)):
             place = None
         block.set_progress(row, place)
+
+
+def _start_column(
+    column: np.ndarray[Any, Any], rows: np.ndarray[Any, Any], behind: StartColumn | None, *, is_shared: bool
+) -> StartColumn:
+    """Return a column of games for the core, and the rows with which they begin; `is_shared`: one for all."""
+    draws_nodes = is_shared and rows.dtype == np.int64 and bool((rows == AT_START).any())
+    nodes: Any = column.reshape(-1).data if draws_nodes else np.zeros(0, np.int64).data
+    size = rows[:1].nbytes
+    return StartColumn(_bytes_of(column), _bytes_of(rows), nodes, size, 0 if is_shared else size, behind)
+
+
+def _bytes_of(column: np.ndarray[Any, Any]) -> Any:  # memoryviews are not subscriptable
+    """Return the memory of a column, which is in one piece and has no objects."""
+    memory: Any = column.data
+    return memory.cast("B") if column.size else np.zeros(0, np.uint8).data
 
 
 # -- the last turn before the batch ----------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from gamms import kernels
 from gamms.core import rules, sight
 from gamms.core.flight import TurnFlights
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.block.columns import AgentTable, PlayedGame, index_games
+from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.decisions import COUNT_OF
 from gamms.game.deeds import DeclaredDeeds
 from gamms.game.messages import MessageTraffic
@@ -44,6 +44,7 @@ STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Purpose = tuple[str | int, ...]
+Drawn = tuple[str, Any]  # "purposes" and several purposes, "agents" and a purpose, or "pools" and None
 Heading = tuple[float, float] | None
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
@@ -417,6 +418,7 @@ class BatchColumns:
 
     Attributes:
         seeds: the seed of each game.
+        movements: see above.
         node: (games, agents) the row of the current node of each agent.
         start: (games, agents) the row of its start node; -1: it was not in the game at the start.
         previous: (games, agents) rows of the previous nodes; up to date where plain functions are called.
@@ -455,6 +457,7 @@ class BatchColumns:
         numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
+        drawn: what follows from the seeds of games: kind and purpose -> (games, …); see `GameArrays.draw_rows`.
     """
 
     node: IntArray
@@ -485,6 +488,7 @@ class BatchColumns:
 
     def __init__(self, roster: AgentTable, seeds: Sequence[int], movements: Sequence[Movement]) -> None:
         self.seeds = list(seeds)
+        self.movements = movements
         games = len(seeds)
         shape = (games, len(roster.names))
         self.flyers = np.flatnonzero(roster.flies)
@@ -515,9 +519,7 @@ class BatchColumns:
         self.leaving: dict[int, str] = {}
         self.radio: MessageTraffic | None = None
         self.deed_log = DeedLog(games)
-        self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
-        self._draw_keys: dict[str, BitArray] = {}  # by purpose
-        self._pool_shares: FloatArray | None = None  # see `pool_shares`
+        self.drawn: dict[Drawn, np.ndarray[Any, Any]] = {}
         self._shared = (*vars(self), "_shared")  # the names of all these
 
     def _new_flights(self) -> TurnFlights:
@@ -637,7 +639,7 @@ class GameArrays(BatchColumns):
         self.map_spec: Any = None
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         if start is not None:
-            self.reset(np.arange(len(seeds)), seeds, start)
+            self.reset(self.seeds, start)
 
     def on_map(self, movement: Movement, roster: AgentTable) -> "GameArrays":
         """Return the state of the same games seen from another map."""
@@ -652,17 +654,8 @@ class GameArrays(BatchColumns):
         self.map_number = game.internals.map_number
         self.map_spec = game.internals.map_spec
 
-    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
-        changed = []
-        for place, (game, seed) in enumerate(zip(games.tolist(), seeds, strict=True)):
-            if self.seeds[game] != seed:
-                self.seeds[game] = seed
-                changed.append(place)
-            if self.headings[game]:
-                self.headings[game] = {}
-            self.over[game] = None
-        those = index_games(games)
+    def reset(self, seeds: Sequence[int], start: IntArray) -> None:
+        """Reset all games to the start of their map; `InitialState` then adds the state of earlier turns."""
         is_first = self.roster.is_first
         plays = np.zeros(len(self.roster.teams), np.bool_)
         plays[self.roster.team_of[is_first]] = True
@@ -670,30 +663,56 @@ class GameArrays(BatchColumns):
         values = {"start": start, "home": home, "is_first": is_first, "plays": plays, "is_going": True}
         values |= {"nowhere": np.nan, "on_node": -1}
         for one in COLUMNS:
-            getattr(self, one.name)[those] = values[one.begins] if one.begins else 0
+            getattr(self, one.name)[:] = values[one.begins] if one.begins else 0
+        for key, rows in self.draw_rows(seeds).items() if self.seeds != seeds else ():
+            self.drawn[key][:] = rows
+        self.forget(np.arange(len(self)), seeds)
+
+    @property
+    def begun_columns(self) -> list[np.ndarray[Any, Any]]:
+        """The columns with whose rows games begin, whatever their seeds."""
+        return [*(getattr(self, one.name) for one in COLUMNS), *self.counts.values(), *self.numbers.values()]
+
+    def forget(self, games: IntArray, seeds: Sequence[int]) -> None:
+        """Forget the values of games that begin with these seeds, besides columns."""
+        for game, seed in zip(games.tolist(), seeds, strict=True):
+            self.seeds[game] = seed
+            if self.headings[game]:
+                self.headings[game] = {}
+            self.over[game] = None
         self.put_roads(games, None)
         for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
             numbers[games] = 0
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
                 self.kept[key][name][games] = rows
-        self._take_seeds(games[changed])
-        if self._pool_shares is not None:
-            self._pool_shares[games] = self._draw_shares(games)
         self._seeds = None
         self.now.clear()
         for log in self._logs:
             log.forget(games)
 
-    def _take_seeds(self, games: IntArray) -> None:
-        """Compute the keys of the draws of games whose seeds have changed."""
-        if not len(games):
-            return
-        seeds = [self.seeds[game] for game in games.tolist()]
-        for purposes, keys in self._purposes.items():
-            keys[games] = kernels.purpose_keys(seeds, purposes)
-        for purpose, drawn in self._draw_keys.items():
-            drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
+    def draw_rows(self, seeds: Sequence[int]) -> dict[Drawn, np.ndarray[Any, Any]]:
+        """Return rows of `drawn` for seeds: the hashes of purposes, the keys of agents, and the shares of pools."""
+        found: dict[Drawn, np.ndarray[Any, Any]] = {}
+        for key in self.drawn:
+            found[key] = self._draw(key, seeds, found)
+        return found
+
+    def _draw(self, key: Drawn, seeds: Sequence[int], known: Mapping[Drawn, BitArray]) -> np.ndarray[Any, Any]:
+        """Return rows for a key of `drawn`; `known` has those of the keys before it."""
+        kind, purpose = key
+        if kind == "purposes":
+            return kernels.purpose_keys(seeds, purpose)
+        if kind == "agents":
+            return kernels.first_key_rows(known["purposes", ((purpose,),)], self.roster.keys[None])
+        shares = draw_shares(known["purposes", (("pool",),)], self.roster.teams)
+        return np.ascontiguousarray(shares[:, self.roster.team_of])
+
+    def _find_drawn(self, key: Drawn) -> np.ndarray[Any, Any]:
+        """Return what follows from the seeds of all games; it is computed on first use."""
+        if key not in self.drawn:
+            self.drawn[key] = self._draw(key, self.seeds, self.drawn)
+        return self.drawn[key]
 
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
@@ -908,6 +927,7 @@ class GameArrays(BatchColumns):
             *more,
             *self.counts.values(),
             *self.numbers.values(),
+            *self.drawn.values(),
             *chain.from_iterable(map(dict.values, by_key)),
         ]
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
@@ -965,11 +985,7 @@ class GameArrays(BatchColumns):
 
     def several_purposes(self, *purposes: Purpose) -> BitArray:
         """Return the hashes of each game's seed and each purpose, (games, purposes)."""
-        keys = self._purposes.get(purposes)
-        if keys is None:
-            keys = kernels.purpose_keys(self.seeds, purposes)
-            self._purposes[purposes] = keys
-        return keys
+        return self._find_drawn(("purposes", purposes))
 
     def seeds_of(self, games: IntArray) -> IntArray:
         """Return the seeds of games, (games,)."""
@@ -979,16 +995,10 @@ class GameArrays(BatchColumns):
 
     def pool_shares(self) -> FloatArray:
         """Return the numbers in [0, 1) by which members of pools are drawn for the teams of agents, (games, agents)."""
-        if self._pool_shares is None:
-            self._pool_shares = np.ascontiguousarray(self._draw_shares(np.arange(len(self))))
-        return self._pool_shares
-
-    def _draw_shares(self, games: IntArray) -> FloatArray:
-        purposes = self.purposes("pool")[games, None]
-        return draw_shares(purposes, self.roster.teams)[:, self.roster.team_of]
+        self.purposes("pool")
+        return self._find_drawn(("pools", None))
 
     def draw_keys(self, purpose: str = "agent") -> BitArray:
         """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.first_key_rows`."""
-        if purpose not in self._draw_keys:
-            self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
-        return self._draw_keys[purpose]
+        self.purposes(purpose)
+        return self._find_drawn(("agents", purpose))
