@@ -251,3 +251,15 @@ def test_the_streets_of_a_place_have_the_speeds_of_the_mode(streets, kind, faste
     assert all(data["travel_time"] == pytest.approx(data["length"] / (data["speed_kph"] / 3.6)) for data in edges)
     if kind == "WALK":
         assert {data["speed_kph"] for data in edges if data["highway"] == "steps"} == {2.0}
+
+
+def test_a_place_has_one_graph_for_several_modes(server):
+    options = {"tolerance": 0.0, "simplify": False, "resolution": 1e6}
+    both = graph_from_place(PLACE, osm_type=["walk", "drive"], **options)
+    assert all(data["walk"] > 0.0 or data["drive"] > 0.0 for _, _, data in both.edges(data=True))
+    for mode in ("walk", "drive"):
+        alone = graph_from_place(PLACE, osm_type=mode, **options)
+        in_both = nx.DiGraph((u, v, data) for u, v, data in both.edges(data=True) if data[mode] > 0.0)
+        assert nx.is_strongly_connected(in_both)
+        assert in_both.number_of_edges() == alone.number_of_edges()
+        assert in_both.size("length") == pytest.approx(alone.size("length"), rel=1e-9)

@@ -163,6 +163,7 @@ def speeds_on(folder, **given):
 def test_a_map_is_for_any_mode_of_travel_of_gamms_or_of_a_file_in_the_folder(folder):
     (folder / "town.osm").write_text(STREETS)
     assert speeds_on(folder, osm_type="walk") == {5.0}
+    assert speeds_on(folder, osm_type=["drive_service", "walk"]) == {20.0, 5.0}
     assert speeds_on(folder, osm_type="drive_service") == {20.0}
     (folder / "mine.toml").write_text('[runner]\nextends = "walk"\nhighways = { service = 11, footway = 12 }\n')
     assert speeds_on(folder, osm_type="runner", modes="mine.toml") == {11.0, 12.0}

@@ -5,7 +5,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from enum import StrEnum
 from io import TextIOWrapper
 from itertools import chain, pairwise
 from pathlib import Path
@@ -24,15 +23,6 @@ from gamms.text import printable_line
 
 if TYPE_CHECKING:
     from gamms.osm import Report
-
-
-class _Network(StrEnum):
-    ALL = "all"
-    WALK = "walk"
-    BIKE = "bike"
-    DRIVE = "drive"
-    DRIVE_SERVICE = "drive_service"
-    ROBOT = "robot"
 
 
 def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
@@ -109,7 +99,9 @@ def report(
             show_default=False,
         ),
     ] = None,
-    network: Annotated[_Network, typer.Option(help="Leave out the roads that are closed to these.")] = _Network.ALL,
+    network: Annotated[
+        str, typer.Option(help="A mode of travel, or several with commas: leave out the roads that are closed to it.")
+    ] = "all",
     retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
@@ -123,12 +115,11 @@ def report(
         raise typer.Exit(1)
 
 
-def _fidelity(
-    file: Path, network: _Network, *, resolution: float, tolerance: float | None, retain_all: bool
-) -> "Report":
+def _fidelity(file: Path, network: str, *, resolution: float, tolerance: float | None, retain_all: bool) -> "Report":
     from gamms import osm
 
-    kind = None if network is _Network.ALL else network.value
+    kind: str | list[str] | None = network.split(",") if "," in network else network
+    kind = None if network == "all" else kind
     options: dict[str, Any] = {"resolution": resolution, "retain_all": retain_all}
     if osm.is_geojson(file):
         graph = osm.graph_from_geojson(file, tolerance=tolerance or 0.0, **options)

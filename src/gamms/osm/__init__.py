@@ -10,9 +10,10 @@ writes their queries and reads their answers, `servers.py` sends and caches them
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files; `objects.py` decides which
 objects count and reads their tags, `speeds.py` reads speed limits, and `survey.py` looks through a file first.
 `network.py` holds roads as columns, `modes.py` decides who may use them, and `areas.py` adds lines across squares.
-`topology.py` simplifies, merges and cuts roads, and `networkx_bridge.py` makes the graph; `fidelity.py` compares it
-with the map. `buildings.py` makes obstacles of maps; `footprints.py` decides which things are walls, and `walls.py`
-makes their faces. `scenery.py` makes the drawn background, `elevation.py` adds heights.
+`mode_union.py` joins the roads of several modes. `topology.py` simplifies, merges and cuts roads, and
+`networkx_bridge.py` makes the graph; `fidelity.py` compares it with the map. `buildings.py` makes obstacles of maps;
+`footprints.py` decides which things are walls, and `walls.py` makes their faces.
+`scenery.py` makes the drawn background, `elevation.py` adds heights.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """

@@ -151,7 +151,7 @@ def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray,
 # -- roads on the ground --------------------------------------------------------------------------------------------
 
 
-def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool) -> RoadNetwork:
+def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool | BoolArray) -> RoadNetwork:
     """Return a network whose nodes have heights; `is_walked` tells whether slopes affect its travel times.
 
     Raises: as `Elevation.heights`.

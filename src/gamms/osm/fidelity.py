@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,8 +20,17 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import ellipsoid_lengths, turned
 from gamms.osm.geojson import is_geojson
-from gamms.osm.load import Clip, RoadSelection, network_in_metres, part_of, read_network, recipe_of, selection_of
-from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes, paced_rule, tolerance_of
+from gamms.osm.load import (
+    Clip,
+    ModeOfTravel,
+    RoadSelection,
+    network_in_metres,
+    part_of,
+    read_network,
+    recipe_of,
+    selection_of,
+)
+from gamms.osm.modes import WayFilter, as_travel, filter_of_words, modes, name_of, paced_rule, tolerance_of
 from gamms.osm.network import (
     OsmRoads,
     OSMType,
@@ -90,6 +99,7 @@ class Report(NamedTuple):
     other_parts: float  # of open roads missing in the graph because they are not connected with the kept part
     no_way_back: float  # … or are connected, but one-way streets do not lead there and back
     across: float  # of the added lines across squares, in all parts
+    doubled: float  # of roads that are there again, for those of several modes that a barrier stops
     conditional_ignored: int  # ways with rules for certain times only, such as access:conditional
     turn_restrictions_ignored: int
     ignored_values: dict[str, int]  # tags for access, direction or speed that have no known meaning -> ways with them
@@ -165,6 +175,7 @@ class Report(NamedTuple):
             *([("by filter", f"{self.filtered:,.1f} m left out")] if self.filtered else []),
             *([("outside of clip", f"{self.clipped:,.1f} m left out")] if self.clipped else []),
             ("across squares", f"{self.across:,.1f} m of lines that are on no map"),
+            *([("at barriers", f"{self.doubled:,.1f} m twice, because some modes stop there")] if self.doubled else []),
             *([("not understood", _in_words(self.ignored_values))] if self.ignored_values else []),
             ("barriers", f"{self.barriers:,} end roads"),
             (
@@ -220,7 +231,7 @@ def report(
     resolution: float | None = None,
     tolerance: float | None = None,
     retain_all: bool | None = None,
-    osm_type: OSMType | str | ModeFunction | None = None,
+    osm_type: ModeOfTravel | Sequence[ModeOfTravel] | None = None,
     filter: WayFilter | None = None,
     clip: "Clip | None" = None,
 ) -> Report:
@@ -233,7 +244,8 @@ def report(
         tolerance: the requested tolerance for merging junctions; default: as stated by the graph. If neither is given,
             the graph may have merged none, or with the default of any mode of travel.
         retain_all: compare all parts of a file, or only the largest; default: as stated by the graph.
-        osm_type: the mode of travel whose roads in a file are compared; default: as stated by the graph.
+        osm_type: the mode of travel, or the list of modes, whose roads in a file are compared; default: as stated by
+            the graph.
         filter: the filter of ways, as for `graph_from_file`; default: as stated by the graph, unless it was a function.
         clip: the area; default: as stated by the graph.
 
@@ -298,6 +310,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         no_way_back=source.left_out.no_way_back_m,
         source_length=about.get("source_length"),
         across=source.left_out.across_m,
+        doubled=source.left_out.doubled_m,
         conditional_ignored=about.get("conditional", 0),
         turn_restrictions_ignored=about.get("turn_restrictions", 0),
         ignored_values=about.get("ignored_values", {}),
@@ -337,7 +350,9 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
 
 
 def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
-    waiting = columns_in_waiting(graph, _JUDGED_TAGS)
+    several = str(getattr(graph, "graph", {}).get("mode", "")) if hasattr(graph, "is_directed") else ""
+    names = (*_JUDGED_TAGS, *(several.split(",") if "," in several else ()))
+    waiting = columns_in_waiting(graph, names)
     if waiting is not None:
         return network_of_columns(waiting[0]), dict(waiting[1])
     get = getattr(graph, "columns", None)
@@ -349,11 +364,11 @@ def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
     is_drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
     if not is_drawn:
         return network_in_metres(graph), dict(graph.graph)
-    return replace(network_of_graph(graph, _JUDGED_TAGS), crs=graph.graph.get("crs")), dict(graph.graph)
+    return replace(network_of_graph(graph, names), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
 def _selection(
-    about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None"
+    about: dict[str, Any], retain_all: bool, osm_type: ModeOfTravel | Sequence[ModeOfTravel] | None
 ) -> RoadSelection:
     """Return the selection of roads that are compared with a graph; `about` is the graph's description."""
     name = about.get("mode", "")
@@ -366,11 +381,13 @@ def _selection(
         around_buildings=bool(about.get("around_buildings", True)),
     )
     if osm_type is not None:
-        return selection_of(recipe, as_mode(osm_type))
-    if name and name not in modes():
-        raise BadValue(f"The graph was made for the custom mode {name!r}. Give it again: report(…, osm_type=…).")
-    if name:
-        return selection_of(recipe, modes()[name])
+        travel = as_travel(osm_type)
+        return selection_of(recipe._replace(mode=name_of(travel)), travel)
+    names = name.split(",") if name else []
+    if custom := next((one for one in names if one not in modes()), None):
+        raise BadValue(f"The graph was made for the custom mode {custom!r}. Give it again: report(…, osm_type=…).")
+    if names:
+        return selection_of(recipe, as_travel(names[0] if len(names) == 1 else names))
     kind = OSMType[classic] if classic else None
     every_way = bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
@@ -413,11 +430,13 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
     if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
         return {}
 
+    parts = selection.of_modes or (selection,)
+
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
         closed = None if selection.closed is None else selection.closed(osmid, tags)
         conditional = any(name.endswith(":conditional") for name in plain_tags(tags))
-        ignored = [] if selection.ignored is None else selection.ignored(tags)
-        is_taken = selection.rule is None or closed is not None or selection.rule(osmid, tags) is not None
+        ignored = [tag for one in parts if one.ignored is not None for tag in one.ignored(tags)]
+        is_taken = closed is not None or any(one.rule is None or one.rule(osmid, tags) is not None for one in parts)
         why = "" if is_taken else _FILTER
         if closed is not None:
             why = closed[0]["why"]
@@ -425,7 +444,9 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
     with progress() as show:
         ways = read_ways(as_file(source), show, rule, areas=selection.areas)
-        is_open = {*_pieces_of_ways(read_ways(as_file(source), show, selection.rule, areas=selection.areas))}
+        is_open = set[tuple[int, int, int]]()
+        for one in parts:
+            is_open |= {*_pieces_of_ways(read_ways(as_file(source), show, one.rule, areas=one.areas))}
         restrictions = count_turn_restrictions(as_file(source))
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
@@ -468,7 +489,7 @@ def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
         return True
     known = source.lengths.sum() + sum(about["closed"].values()) + left_out.other_parts_m + left_out.no_way_back_m
     known += about["filtered"] + about["clipped"]
-    return _are_equal(known - left_out.across_m, total)
+    return _are_equal(known - left_out.across_m - left_out.doubled_m, total)
 
 
 def _are_equal(length: float, other: float) -> bool:
@@ -669,25 +690,37 @@ def _directions_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
 def _wrong_speeds(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwork) -> float:
     """Return the meters of edges that have another speed than each source road under them, in their direction.
 
-    Edges are compared as in `_wrong_directions`; an edge that states no speed is not compared.
+    The speeds of several modes are compared one by one. Edges are compared as in `_wrong_directions`; an edge that
+    states no speed is not compared.
     """
-    stated = np.array([number_of(of_edge.get("speed_kph")) for of_edge in edges.tags], np.float64)[edges.ways]
-    judged = np.flatnonzero(~np.isnan(stated))
-    if not len(judged) or not len(source.sources):
-        return 0.0
-    chosen = chosen_roads(edges, judged)
-    counts = _speeds_below(chosen, stated[judged], source)
-    moved = np.flatnonzero(counts[0] == 0)
-    if len(moved):
-        counts[:, moved] = _speeds_below(chosen_roads(chosen, moved), stated[judged[moved]], merged)
-    found, equal = counts
-    return float(edges.lengths[judged][(found > 0) & (equal == 0)].sum())
+    is_wrong = np.zeros(len(edges.lengths), np.bool_)
+    for name in ("speed_kph", *source.modes):
+        stated = np.array([number_of(of_edge.get(name)) for of_edge in edges.tags], np.float64)[edges.ways]
+        judged = np.flatnonzero(~np.isnan(stated))
+        if not len(judged) or not len(source.sources):
+            continue
+        chosen = chosen_roads(edges, judged)
+        counts = _speeds_below(chosen, stated[judged], source, name)
+        moved = np.flatnonzero(counts[0] == 0)
+        if len(moved):
+            counts[:, moved] = _speeds_below(chosen_roads(chosen, moved), stated[judged[moved]], merged, name)
+        found, equal = counts
+        is_wrong[judged] |= (found > 0) & (equal == 0)
+    return float(edges.lengths[is_wrong].sum())
 
 
-def _speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork) -> IntArray:
-    """Return (2, edges): the number of source roads under each edge, and those that have its speed (edges,)."""
+def _speeds_below(edges: RoadNetwork, speeds: FloatArray, source: RoadNetwork, name: str) -> IntArray:
+    """Return (2, edges): the number of source roads under each edge, and those that have its speed (edges,).
+
+    Args:
+        edges: the edges.
+        speeds: (edges,) as the edges state them.
+        source: the roads.
+        name: the attribute with the speed, `speed_kph` or a mode of travel.
+    """
     below = _roads_below(edges, source)
-    of_tags = np.array([speed_kph(of_way) for of_way in source.tags], np.float64)
+    of_ways = [speed_kph(of_way) if name == "speed_kph" else number_of(of_way.get(name)) for of_way in source.tags]
+    of_tags = np.array(of_ways, np.float64)
     rows = np.where(below.are_along, source.ways[below.roads], ways_back(source)[below.roads])
     are_equal = np.isclose(of_tags[rows], speeds[below.edges], rtol=_SAME_SPEED, atol=0.0)
     counts = [np.bincount(found, minlength=len(edges.sources)) for found in (below.edges, below.edges[are_equal])]

@@ -25,20 +25,24 @@ from gamms.arguments import (
 from gamms.errors import BadFile, BadValue
 from gamms.ir.geometry import area_of
 from gamms.ir.graph import GraphColumns
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import check_metres, crs_of, scale_fault
 from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
 from gamms.osm.geojson import is_geojson, read_lines
+from gamms.osm.mode_union import ModeRoads, unite
 from gamms.osm.modes import (
     Mode,
     ModeFunction,
+    SeveralModes,
+    Travel,
     WayFilter,
-    as_mode,
+    as_travel,
     closed_rule,
     filter_in_words,
     filtered,
-    honouring_traffic,
+    honour_traffic,
     keeping,
     name_of,
     rule_of,
@@ -59,6 +63,7 @@ from gamms.osm.network import (
     classic_rule,
     components,
     connected,
+    in_metres,
     in_true_metres,
     joined_directions,
     network_of_columns,
@@ -79,11 +84,17 @@ if TYPE_CHECKING:
     import networkx as nx
     from shapely import MultiPolygon, Polygon
 
+    from gamms.osm.footprints import BuildingIndex
+
 FilePath = str | os.PathLike[str]
 _Reader = Callable[[Path, Show, Rule | None, Sequence[str]], OsmRoads]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
+
+
+ModeOfTravel: TypeAlias = OSMType | str | ModeFunction
+"""An `OSMType`, the name of a mode of travel, a `Mode`, or a function from the tags of a way to its `Access`."""
 
 
 class GraphRecipe(NamedTuple):
@@ -95,7 +106,7 @@ class GraphRecipe(NamedTuple):
     retain_all: bool
     simplify: bool
     osm_type: str = ""  # "WALK", "BIKE", "DRIVE" or the name of another mode
-    mode: str = ""  # the mode whose rules chose the roads; empty for the rules of 1.0.0
+    mode: str = ""  # the mode whose rules chose the roads, or modes with commas; empty for the rules of 1.0.0
     strong: bool = False
     around_buildings: bool = False  # whether merged junctions and lines across squares avoid buildings
     clip: str = ""  # the area in degrees, as GeoJSON
@@ -119,6 +130,8 @@ class RoadSelection(NamedTuple):
     snap: float = 0.0  # meters, for GeoJSON
     around_buildings: bool = False
     ignored: Callable[[Mapping[str, str]], list[str]] | None = None  # the tags of a way that its rule cannot read
+    both_ways: bool = False  # whether several modes may go against one-way traffic
+    of_modes: "tuple[RoadSelection, ...]" = ()  # the selections of several modes, which replace `rule`
 
 
 Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon | MultiPolygon"
@@ -206,7 +219,7 @@ def graph_from_file(
     bidirectional: bool | None = None,
     retain_all: bool = False,
     tolerance: float | None = None,
-    osm_type: "OSMType | str | ModeFunction | None" = None,
+    osm_type: "ModeOfTravel | Sequence[ModeOfTravel] | None" = None,
     simplify: bool = True,
     strong: bool | None = None,
     **more: Unpack[FileOptions],
@@ -223,7 +236,9 @@ def graph_from_file(
             0 merges only vertices at equal positions; None: as the mode says, and 0.5 without one.
         osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
             the tags of a way to its `Access`. It decides the open roads, their directions and the travel times. None
-            takes all roads, with the speed of cars. Only ways with a `highway` tag are read.
+            takes all roads, with the speed of cars. Only ways with a `highway` tag are read. A list of modes makes one
+            graph for all of them: each edge has for each mode an attribute with its name, the speed in km/h, 0.0 where
+            the mode may not go.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
         strong: keep the largest part in which every node can be reached from every other; default: only with a mode.
         more: see `FileOptions`.
@@ -235,12 +250,13 @@ def graph_from_file(
     Raises: as `graph_from_xml`.
     """
     refuse_keywords(more, signature_of(graph_from_file).parameters, "graph_from_file")
-    mode = None if osm_type is None else as_mode(osm_type)
+    tags = as_tags(more.get("tags", ()))
+    mode = None if osm_type is None else as_travel(osm_type, tags)
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
     recipe = recipe._replace(around_buildings=as_bool(more.get("around_buildings", True), "around_buildings"))
-    selection = part_of(selection_of(recipe, mode, as_tags(more.get("tags", ()))), more.get("filter"), more.get("clip"))
+    selection = part_of(selection_of(recipe, mode, tags), more.get("filter"), more.get("clip"))
     area = "" if selection.clip is None else json.dumps(selection.clip.__geo_interface__)
     recipe = recipe._replace(clip=area, filter=filter_in_words(more.get("filter")))
     return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
@@ -253,12 +269,11 @@ def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -
         BadType, BadValue: the filter or the area is impossible.
     """
     area = None if clip is None else area_of(clip, "clip")
-    return selection._replace(rule=filtered(selection.rule, given), clip=area)
+    of_modes = tuple(one._replace(rule=filtered(one.rule, given), clip=area) for one in selection.of_modes)
+    return selection._replace(rule=filtered(selection.rule, given), clip=area, of_modes=of_modes)
 
 
-def for_mode(
-    recipe: GraphRecipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None
-) -> GraphRecipe:
+def for_mode(recipe: GraphRecipe, mode: Travel | None, bidirectional: bool | None, strong: bool | None) -> GraphRecipe:
     """Return the recipe for a mode of travel: its directions, and only strongly connected roads."""
     if mode is not None:
         both = None if bidirectional is None else recipe.bidirectional
@@ -267,10 +282,16 @@ def for_mode(
     return recipe._replace(strong=strong and not recipe.retain_all)
 
 
-def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str, ...] = ()) -> RoadSelection:
+def selection_of(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...] = ()) -> RoadSelection:
     """Return the selection of roads for a recipe; `mode` may be None if the recipe names none."""
-    if mode is not None and recipe.bidirectional is False:
-        mode = honouring_traffic(mode)
+    if isinstance(mode, SeveralModes):
+        of_modes = [selection_of(recipe._replace(mode=name_of(one)), one, tags) for one in mode.modes]
+        return of_modes[0]._replace(
+            mode=recipe.mode,
+            both_ways=bool(recipe.bidirectional),
+            closed=_closed_to_all(of_modes),
+            of_modes=(*of_modes,),
+        )
     strong = recipe.strong and not recipe.bidirectional
     if mode is None:
         closed = None if recipe.every_way else classic_closed_rule(None)
@@ -278,11 +299,23 @@ def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str
         chosen = RoadSelection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
         chosen = chosen._replace(ignored=classic_ignored_values)
     else:
+        mode = honour_traffic(mode) if recipe.bidirectional is False else mode
         rule = keeping(rule_of(mode), tags)
         stops = stops_of(mode)
         chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
         chosen = chosen._replace(ignored=mode.ignored_values if isinstance(mode, Mode) else None)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
+
+
+def _closed_to_all(selections: Sequence[RoadSelection]) -> Rule:
+    """Return the rule for the ways that are closed to each mode, with the tag that closes them to the first."""
+    rules = [one.closed for one in selections if one.closed is not None]
+
+    def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        found = [rule(osmid, tags) for rule in rules]
+        return None if None in found else found[0]
+
+    return closed
 
 
 @for_a_graph
@@ -405,18 +438,19 @@ class ElevationSource(NamedTuple):
     """The source of heights for roads."""
 
     elevation: Elevation
-    is_walked: bool  # whether slopes affect travel times
+    are_walked: tuple[bool, ...]  # whether slopes affect travel times, for each mode
 
 
-def as_ground(elevation: "ElevationPath | Elevation | None", mode: ModeFunction | None) -> ElevationSource | None:
+def as_ground(elevation: "ElevationPath | Elevation | None", mode: Travel | None) -> ElevationSource | None:
     """Return the source of heights for a mode of travel; None without heights.
 
     Raises:
         FileNotFoundError, BadFile, BadType: the heights do not exist or are not valid.
     """
     heights = as_elevation(elevation)
-    is_walked = isinstance(mode, Mode) and mode.slope == "walked"
-    return None if heights is None else ElevationSource(heights, is_walked)
+    modes = mode.modes if isinstance(mode, SeveralModes) else (mode,)
+    walked = [isinstance(one, Mode) and one.slope == "walked" for one in modes]
+    return None if heights is None else ElevationSource(heights, tuple(walked))
 
 
 def _graph(
@@ -445,9 +479,21 @@ def cut(
     if pieces.refs is not None:
         pieces = replace(pieces, tunnels=topology.tunnels_of(pieces))
     if ground is not None:
-        pieces = on_ground(pieces, ground.elevation, is_walked=ground.is_walked)
+        pieces = on_ground(pieces, ground.elevation, is_walked=_are_walked(pieces, ground))
     show(f"Making a graph of {len(pieces.sources)} pieces")
     return to_digraph(pieces, _about(recipe, network))
+
+
+def _are_walked(network: RoadNetwork, ground: ElevationSource) -> bool | BoolArray:
+    """Return whether slopes affect the travel times of a network, or of each row of its tags if it has several modes.
+
+    Travel times are those of the first mode that may use a road.
+    """
+    if not network.modes:
+        return ground.are_walked[0]
+    speeds = np.array([[tags[name] for name in network.modes] for tags in network.tags], np.float64)
+    first = (speeds > 0.0).argmax(axis=1)
+    return np.asarray(np.array(ground.are_walked, np.bool_)[first])
 
 
 def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
@@ -512,18 +558,12 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
         BadFile: the file is not usable, or has no roads of this selection.
         MissingExtra: osmium is not installed.
     """
+    if selection.of_modes:
+        return _read_modes(file, show, selection)
     if read is read_lines or (read is None and is_geojson(file)):
         ways = read_lines(file, show, snap=selection.snap)
     else:
-        ways = with_ways_across(
-            read_ways(
-                *(file, show, selection.rule, selection.tags),
-                areas=selection.areas,
-                stops=selection.stops,
-                clip=selection.clip,
-                around_buildings=selection.around_buildings,
-            )
-        )
+        ways = _read_with_squares(file, show, selection)
     segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(f"{str(file)!r} {_why_no_roads(ways, selection)}")
@@ -533,10 +573,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
     else:
         network = network_of_part(segments, ways.tags, strong=selection.strong)
     if not len(network.sources):
-        raise BadFile(
-            f"{str(file)!r} has no two places with a route in both directions, because its streets are one-way. "
-            "Load them with strong=False, or allow travel against the traffic with bidirectional=True."
-        )
+        raise BadFile(f"{str(file)!r} {_no_way_back('')}")
     if ways.nodes is None and network.left_out.other_parts_m:
         lost = network.left_out.other_parts_m / (network.left_out.other_parts_m + float(network.lengths.sum()))
         parts = len(np.unique(components(segments.sources, segments.targets, len(segments.lonlat))))
@@ -549,6 +586,51 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
     return replace(network, attribution=ways.attribution, nodes=ways.nodes)
+
+
+def _read_with_squares(
+    file: Path, show: Show, selection: RoadSelection, buildings: "BuildingIndex | None" = None
+) -> OsmRoads:
+    """Read the ways of a file, and add the lines across squares; `buildings` are those of the file, if known."""
+    ways = read_ways(
+        *(file, show, selection.rule, selection.tags),
+        areas=selection.areas,
+        stops=selection.stops,
+        clip=selection.clip,
+        around_buildings=selection.around_buildings,
+    )
+    return with_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
+
+
+def _read_modes(file: Path, show: Show, selection: RoadSelection) -> RoadNetwork:
+    """Read the roads of a file for several modes; a mode may use only its own largest part, so that none has islands.
+
+    Raises: as `read_network`.
+    """
+    parts = list[ModeRoads]()
+    for one in selection.of_modes:
+        ways = _read_with_squares(file, show, one, parts[0].ways.buildings if parts else None)
+        segments = segments_of(ways)
+        if not len(segments.sources):
+            raise BadFile(f"{str(file)!r} {_why_no_roads(ways, one)}")
+        parts.append(ModeRoads(one.mode, ways, segments))
+    roads = unite(parts, both_ways=selection.both_ways)
+    if selection.retain_all:
+        return in_metres(roads.network)
+    kept = [part.are_in_largest(strong=selection.strong) for part in parts]
+    for part, of_mode in zip(parts, kept, strict=True):
+        if not of_mode.any():
+            raise BadFile(f"{str(file)!r} {_no_way_back(part.name)}")
+    return in_metres(roads.keep(kept))
+
+
+def _no_way_back(mode: str) -> str:
+    """Return the rest of the error for a file whose one-way streets lead nowhere and back."""
+    whose = f" for the mode {mode!r}" if mode else ""
+    return (
+        f"has no two places with a route in both directions{whose}, because its streets are one-way. "
+        "Load them with strong=False, or allow travel against the traffic with bidirectional=True."
+    )
 
 
 def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:

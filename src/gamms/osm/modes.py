@@ -29,7 +29,17 @@ from gamms.osm.network import (
     with_directions,
     with_signs,
 )
-from gamms.osm.objects import AGAINST, DIRECTIONS, TWO_WAY, VARYING, has_direction, number_of, plain_tags, words_of
+from gamms.osm.objects import (
+    AGAINST,
+    DIRECTIONS,
+    OWN_NAMES,
+    TWO_WAY,
+    VARYING,
+    has_direction,
+    number_of,
+    plain_tags,
+    words_of,
+)
 from gamms.osm.speeds import sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
 from gamms.text import shown
 
@@ -335,6 +345,51 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
     return {**(known[base] if base is not None else {}), **given}
 
 
+@dataclass(slots=True, frozen=True)
+class SeveralModes:
+    """The modes of travel of one graph, in the order in which they give its edges their `speed_kph`."""
+
+    modes: tuple[ModeFunction, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the modes, which are attributes of edges."""
+        return tuple(name_of(mode) for mode in self.modes)
+
+
+Travel = ModeFunction | SeveralModes
+"""The mode of travel of a graph, or its several modes."""
+
+_NO_NAMES = OWN_NAMES | {*KEPT_TAGS, "oneway", "across_area", "underground"}  # other attributes of edges
+
+
+def as_travel(value: object, tags: Collection[str] = ()) -> Travel:
+    """Return the mode of travel, or the several modes of a list; see `as_mode`.
+
+    Args:
+        value: as users give it.
+        tags: the tags that edges keep besides the usual ones.
+
+    Raises:
+        BadType: the value, or an item of the list, is none.
+        BadValue: the list is empty, or two modes have one name, or a mode has the name of another attribute of edges.
+    """
+    if not isinstance(value, (list, tuple)):
+        return as_mode(value)
+    several = SeveralModes(tuple(as_mode(one) for one in value))
+    if not several.modes:
+        raise BadValue("osm_type is an empty list. Name the modes of travel, such as ['walk', 'drive'].")
+    for row, name in enumerate(several.names):
+        if name in several.names[:row]:
+            raise BadValue(f"osm_type has two modes with the name {name!r}, which is the name of their attribute.")
+        if name in _NO_NAMES or name in tags or not name.isidentifier():
+            raise BadValue(
+                f"A mode in a list cannot have the name {name!r}, because edges state its speeds under its name. "
+                "Give the function another name."
+            )
+    return several
+
+
 def as_mode(value: object) -> ModeFunction:
     """Return a mode of travel from an `OSMType`, a name, a `Mode` or a function.
 
@@ -348,18 +403,23 @@ def as_mode(value: object) -> ModeFunction:
     if mode is None:
         raise BadType(
             "osm_type must be OSMType.WALK, BIKE or DRIVE, one of the names "
-            f"{', '.join(_shipped())}, a Mode or a function, not {shown(value)}.{nearest(value, _shipped())}"
+            f"{', '.join(_shipped())}, a Mode, a function or a list of these, not {shown(value)}."
+            f"{nearest(value, _shipped())}"
         )
     return mode
 
 
-def name_of(mode: ModeFunction) -> str:
-    """Return the name of a mode for a graph, such as "drive", or that of the function."""
+def name_of(mode: Travel) -> str:
+    """Return the name of a mode for a graph, such as "drive", or that of the function; of several, "walk,drive"."""
+    if isinstance(mode, SeveralModes):
+        return ",".join(mode.names)
     return mode.name if isinstance(mode, Mode) else str(getattr(mode, "__name__", type(mode).__name__))
 
 
-def tolerance_of(mode: ModeFunction | None) -> float:
-    """Return the default tolerance of loaders, in meters."""
+def tolerance_of(mode: Travel | None) -> float:
+    """Return the default tolerance of loaders, in meters; of several modes the least."""
+    if isinstance(mode, SeveralModes):
+        return min(map(tolerance_of, mode.modes))
     return mode.tolerance if isinstance(mode, Mode) else _TOLERANCE_M
 
 
@@ -368,7 +428,7 @@ def stops_of(mode: ModeFunction | None) -> Stops | None:
     return mode.is_stopped_by if isinstance(mode, Mode) else None
 
 
-def honouring_traffic(mode: ModeFunction) -> ModeFunction:
+def honour_traffic(mode: ModeFunction) -> ModeFunction:
     """Return the mode for agents that obey the one-way streets of cars; a function is returned unchanged."""
     if not isinstance(mode, Mode) or "oneway" in mode.oneway:
         return mode

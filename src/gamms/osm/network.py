@@ -287,10 +287,11 @@ def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> Ro
         one_way: (segments,) whether they lead from source to target only; if given, return the largest part in which
             every node can be reached from every other.
     """
-    return _within(segments, _in_largest(segments, one_way))
+    return _within(segments, in_largest(segments, one_way))
 
 
-def _in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
+def in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
+    """Return a mask of the nodes in the largest part; see `largest_part`."""
     count = len(segments.lonlat)
     sources = segments.sources
     targets = segments.targets
@@ -472,6 +473,7 @@ class CoverageGaps(NamedTuple):
     no_way_back_m: float = 0.0  # connected with it, but one-way streets do not lead there and back
     barriers: int = 0  # places where agents of the mode cannot pass
     across_m: float = 0.0  # of added lines across squares, on the whole map
+    doubled_m: float = 0.0  # of roads that are there again, for those of several modes that a barrier stops
 
 
 _NOTHING = MergedJunctions()
@@ -499,7 +501,8 @@ class RoadNetwork:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node without one
     nodes: NodeTags = _NO_NODE_TAGS
     z: FloatArray | None = None  # (nodes,)  meters above sea level
-    is_walked: bool = False  # whether slopes affect travel times
+    is_walked: bool | BoolArray = False  # whether slopes affect travel times, on all ways or on each row of `tags`
+    modes: tuple[str, ...] = ()  # the attributes of `tags` with the speeds of several modes of travel; 0: closed
     buildings: BuildingIndex | None = None  # of the map; None: unknown
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface
 
@@ -512,8 +515,7 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
         tags: (ways,) of the map.
         strong: whether every node of the part has to be reachable from every other, in the directions of the roads.
     """
-    one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
-    inside = _in_largest(segments, one_way if strong else None)
+    inside = in_largest(segments, one_way_segments(segments, tags) if strong else None)
     out = ~(inside[segments.sources] & inside[segments.targets])
     sources = segments.sources[out]
     targets = segments.targets[out]
@@ -526,22 +528,43 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
 
 def network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
     """Project pieces of road to meters; lengths are measured on the ellipsoid, not on the map."""
-    start = segments.lonlat[segments.sources]
-    end = segments.lonlat[segments.targets]
-    crs = utm_crs(segments.lonlat)
-    lengths = ellipsoid_lengths(start, end)
-    ends = (segments.sources, segments.targets)
-    roads = network_of_lines(project(segments.lonlat, WGS84, crs), ends, {}, lengths, tags, crs)
-    one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
     of_directions, back = split_directions(tags)
-    return replace(
-        roads,
-        two_way=~one_way[segments.ways],
-        ways=segments.ways,
+    roads = network_in_degrees(
+        segments,
+        two_way=~one_way_segments(segments, tags),
         tags=of_directions,
         back_ways=None if back is None else back[segments.ways],
-        refs=segments.refs,
     )
+    return in_metres(roads)
+
+
+def one_way_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> BoolArray:
+    """Return a mask of the pieces of road that are one-way by the tags of the ways."""
+    return np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
+
+
+def network_in_degrees(
+    segments: RoadSegments, *, two_way: BoolArray, tags: Sequence[Mapping[str, Any]], back_ways: IntArray | None
+) -> RoadNetwork:
+    """Return pieces of road as a network in degrees, without a CRS; their lengths are in meters.
+
+    Args:
+        segments: the pieces, with rows of `tags` as their ways.
+        two_way: (segments,)
+        tags: the attributes of directions of ways.
+        back_ways: (segments,) rows of `tags` for the way back; None: as the ways.
+    """
+    lengths = ellipsoid_lengths(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
+    roads = network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
+    return replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
+
+
+def in_metres(network: RoadNetwork) -> RoadNetwork:
+    """Project straight roads in degrees to UTM; their lengths stay."""
+    crs = utm_crs(network.xy)
+    xy = project(network.xy, WGS84, crs)
+    points = xy[np.column_stack((network.sources, network.targets)).ravel()]
+    return replace(network, xy=xy, points=points, crs=crs)
 
 
 def network_of_lines(

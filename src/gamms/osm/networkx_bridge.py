@@ -345,7 +345,8 @@ def _paces(network: RoadNetwork, speeds: list[float], roads: IntArray, is_back: 
     grade = grades(network.z, ends, network.lengths)[roads]
     grade = np.where(is_back, -grade, grade)
     are_upright = np.array([is_upright(of_way) for of_way in network.tags], np.bool_)[network.ways][roads]
-    factor = np.where(are_upright | (not network.is_walked), 1.0, walking_factor(grade))
+    are_walked = np.broadcast_to(network.is_walked, len(network.tags))[_ways_of(network, roads, is_back)]
+    factor = np.where(are_upright | ~are_walked, 1.0, walking_factor(grade))
     return {"travel_time": times * factor, "grade": grade}
 
 

@@ -18,7 +18,18 @@ from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
 from gamms.osm.areas import length_across, open_squares, rims_of, with_areas, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
-from gamms.osm.modes import ModeFunction, modes, name_of, paced_rule, rule_of, stops_of
+from gamms.osm.mode_union import ModeRoads, in_largest_parts, keep_uses, unite
+from gamms.osm.modes import (
+    ModeFunction,
+    SeveralModes,
+    Travel,
+    honour_traffic,
+    modes,
+    name_of,
+    paced_rule,
+    rule_of,
+    stops_of,
+)
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
@@ -29,6 +40,7 @@ from gamms.osm.network import (
     RoadNetwork,
     RoadSegments,
     chosen_roads,
+    in_metres,
     largest_part,
     network_of_segments,
     offsets_of,
@@ -76,7 +88,7 @@ class StreetOptions(NamedTuple):
     tolerance: float = 10.0
     bidirectional: bool | None = None
     offline: bool = False
-    mode: ModeFunction | None = None  # takes its ways and directions, instead of those of OSMnx's network type
+    mode: Travel | None = None  # takes its ways and directions, instead of those of OSMnx's network type
     strong: bool = False
     tags: Sequence[str] = ()  # further tags to keep
     around_buildings: bool = False
@@ -175,33 +187,62 @@ def _streets(
     squares = [] if options.mode is None or options.custom_filter else ['relation["highway"]["type"="multipolygon"]']
     chosen = [filters] if isinstance(filters, str) else filters
     queries = [([f"way{one}", *squares], "(._;>;);out;") for one in chosen]
-    ways = _ways(_download(servers, surroundings, queries, read_streets), options)
+    found = _download(servers, surroundings, queries, read_streets)
+    buildings = None
     if options.around_buildings:
         show(f"Downloading the buildings of {name}")
-        ways = replace(ways, buildings=_buildings(servers, surroundings))
-    ways = with_ways_across(ways)
-    segments = _part(segments_of(ways), surroundings, options)
-    if len(segments.sources):
-        network = network_of_segments(segments, ways.tags)
-        network = replace(network, nodes=ways.nodes or NodeTags(), buildings=ways.buildings)
-        network = network if options.mode else replace(network, refs=None)
-        network = simplify(network) if options.simplify else network
-        lonlat = project(network.xy, str(network.crs), WGS84)
-        roads = RoadSegments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
-        inside = _part(roads, polygon, options)
-        there = largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
-        if len(there.ways):
+        buildings = _buildings(servers, surroundings)
+    network = _network_of(found, buildings, surroundings, options)
+    if network is not None:
+        there = _inside(simplify(network) if options.simplify else network, polygon, options)
+        if len(there.sources):
             servers.save_rest()
-            lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
-            left_out = CoverageGaps(no_way_back_m=lost, barriers=len(ways.barriers), across_m=length_across(ways))
-            network = replace(network, left_out=left_out)
-            return without_unused_nodes(chosen_roads(network, there.ways))
+            return there
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
     only = "" if options.custom_filter else f"{ONLY_HIGHWAYS}; custom_filter='[\"railway\"]' would ask for others. "
     raise PlaceError(
         f"There are no streets of the type {shown(kind)} in {name}. {only}"
         "Try a larger area, or another osm_type or custom_filter."
     )
+
+
+def _network_of(
+    found: "_OverpassElements",
+    buildings: "footprints.BuildingIndex | None",
+    area: "BaseGeometry",
+    options: StreetOptions,
+) -> RoadNetwork | None:
+    """Return the streets in an area in UTM meters; None if there are none for the mode, or for one of several."""
+    several = options.mode.modes if isinstance(options.mode, SeveralModes) else (options.mode,)
+    parts = list[ModeRoads]()
+    for one in several:
+        mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
+        ways = with_ways_across(replace(_ways(found, mode, options), buildings=buildings))
+        segments = _part(segments_of(ways), area, options)
+        if not len(segments.sources):
+            return None
+        parts.append(ModeRoads("" if mode is None else name_of(mode), ways, segments))
+    if isinstance(options.mode, SeveralModes):
+        return in_metres(unite(parts, both_ways=bool(options.bidirectional)).network)
+    name, ways, segments = parts[0]
+    network = network_of_segments(segments, ways.tags)
+    gaps = CoverageGaps(barriers=len(ways.barriers), across_m=length_across(ways))
+    network = replace(network, nodes=ways.nodes or NodeTags(), buildings=ways.buildings, left_out=gaps)
+    return network if name else replace(network, refs=None)
+
+
+def _inside(network: RoadNetwork, area: "BaseGeometry", options: StreetOptions) -> RoadNetwork:
+    """Return the streets in an area, possibly none: unless all are wanted, the largest part, or that of each mode."""
+    lonlat = project(network.xy, str(network.crs), WGS84)
+    roads = RoadSegments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
+    if network.modes:
+        within = chosen_roads(network, _part(roads, area, options._replace(retain_all=True)).ways)
+        return keep_uses(within, options.retain_all | in_largest_parts(within, strong=options.strong))
+    inside = _part(roads, area, options)
+    there = largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
+    lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
+    kept = chosen_roads(network, there.ways)
+    return without_unused_nodes(replace(kept, left_out=network.left_out._replace(no_way_back_m=lost)))
 
 
 def _buildings(servers: MapServers, area: "BaseGeometry") -> footprints.BuildingIndex:
@@ -225,17 +266,18 @@ def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) 
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
-def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
+def _ways(found: "_OverpassElements", mode: ModeFunction | None, options: StreetOptions) -> OsmRoads:
     """Return the ways as columns, with the speeds of the mode; without a rule, walkers have no one-way streets."""
     useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
-    rule = None if options.mode is None else rule_of(options.mode, names)
-    any_way = paced_rule(options.mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
+    rule = None if mode is None else rule_of(mode, names)
+    any_way = paced_rule(mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
     squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
     rims = rims_of(squares)
     rows_of = dict[int, list[int]]()
     read: list[tuple[dict[str, Any], bool]] = []
     lines: list[list[int]] = []
+    ways_of_lines = list[int]()
     for way in found.ways:
         of_way = rule(way.id, way.tags) if rule is not None and (way.id not in rims or "highway" in way.tags) else None
         if of_way is None and way.id in rims:
@@ -246,18 +288,19 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
             rows_of.setdefault(way.id, []).append(len(lines))
             read.append(of_way)
             lines.append([ref for ref, _ in groupby(way.nodes)])
+            ways_of_lines.append(way.id)
     tags = [of_way for of_way, _ in read]
     against = np.array([is_against for _, is_against in read], np.bool_)
     if rule is None and options.osm_type is OSMType.WALK:
         tags = [{**of_way, "oneway": False} for of_way in tags]
         against = np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
-    stops = stops_of(options.mode)
+    stops = stops_of(mode)
     barriers = (
         [] if stops is None else [ref for ref in {*ids.tolist()} & found.nodes.keys() if stops(found.nodes[ref].tags)]
     )
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
-    ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
+    ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers, ids=ways_of_lines)
     return ways if rule is None else with_areas(ways, rows_of, squares)
 
 

@@ -3,7 +3,7 @@
 `overpass.py` downloads the streets; the remaining steps are those for files.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -14,8 +14,18 @@ from gamms.ir.geometry import box_of
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_a_graph, for_mode, recipe_of
-from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
+from gamms.osm.load import (
+    ElevationSource,
+    GraphRecipe,
+    MapOptions,
+    ModeOfTravel,
+    as_ground,
+    cut,
+    for_a_graph,
+    for_mode,
+    recipe_of,
+)
+from gamms.osm.modes import as_travel, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.objects import as_tags
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
@@ -42,8 +52,8 @@ _DEFAULTS = {
 class PlaceOptions(MapOptions, total=False):
     """Options of the functions that make graphs of areas."""
 
-    osm_type: OSMType | str | ModeFunction
-    """The mode of travel, as for `graph_from_file`: `OSMType.WALK`."""
+    osm_type: ModeOfTravel | Sequence[ModeOfTravel]
+    """The mode of travel, or a list of modes, as for `graph_from_file`: `OSMType.WALK`."""
     resolution: float
     """Meters between nodes: 10.0."""
     simplify: bool
@@ -178,17 +188,16 @@ def _graph_of_area(
 ) -> "nx.DiGraph[int]":
     refuse_keywords(given, PlaceOptions.__annotations__, "A graph of an area")
     rest: dict[str, Any] = {**_DEFAULTS, **given}
-    mode = as_mode(rest.pop("osm_type"))
+    rest["tags"] = as_tags(rest["tags"])
+    mode = as_travel(rest.pop("osm_type"), rest["tags"])
     bidirectional = rest["bidirectional"]
     strong = rest.pop("strong")
     if rest["tolerance"] is None:
         rest["tolerance"] = tolerance_of(mode)
     ground = as_ground(rest.pop("elevation"), mode)
     rest["around_buildings"] = as_bool(rest["around_buildings"], "around_buildings")
-    options = StreetOptions(**{**rest, "mode": mode, "tags": as_tags(rest["tags"])})
+    options = StreetOptions(**{**rest, "mode": mode})
     recipe = for_mode(_recipe(options), mode, bidirectional, strong)
-    if recipe.bidirectional is False:
-        mode = honouring_traffic(mode)
     options = options._replace(mode=mode, strong=recipe.strong and not recipe.bidirectional)
     return _graph(streets_of, area, name, options, recipe, ground)
 

@@ -304,7 +304,21 @@ def _without_empty_roads(network: RoadNetwork) -> RoadNetwork:
     if not empty.any():
         return network
     label = components(network.sources[empty], network.targets[empty], len(network.xy))
+    if network.modes:
+        empty &= ~_is_closed_to_some(network, label, empty)
+        label = components(network.sources[empty], network.targets[empty], len(network.xy))
     return _contracted(network, label, empty, np.ones(len(network.xy), np.bool_))
+
+
+def _is_closed_to_some(network: RoadNetwork, label: IntArray, empty: BoolArray) -> BoolArray:
+    """Return a mask of roads at places of one label where a mode of travel cannot use all roads of length zero."""
+    ends = np.column_stack((network.sources, network.targets))
+    of_chains, of_nodes = _modes_of(network, RoadChains(np.arange(len(network.ways)), ends, network.lengths))
+    meeting = np.zeros(len(label), np.int64)
+    passing = np.full(len(label), -1)
+    np.bitwise_or.at(meeting, label, of_nodes)
+    np.bitwise_and.at(passing, label[network.sources[empty]], of_chains[empty])
+    return np.asarray((meeting & ~passing)[label[network.sources]] != 0)
 
 
 def degrees(network: RoadNetwork) -> IntArray:
@@ -364,22 +378,46 @@ def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tol
     box = dict(zip(nodes.tolist(), map(tuple, np.tile(network.xy[nodes], 2).tolist()), strict=True))
     floors = dict(zip(nodes.tolist(), _floors(network)[nodes].tolist(), strict=True)) if len(nodes) else {}
     leader = {node: node for node in box}
-    for first, second in chains.ends[rows].tolist():
+    of_chains, of_nodes = _modes_of(network, chains)
+    modes = dict(zip(nodes.tolist(), of_nodes[nodes].tolist(), strict=True))
+    for (first, second), open_to in zip(chains.ends[rows].tolist(), of_chains[rows].tolist(), strict=True):
         one = _leader_of(first, leader)
         other = _leader_of(second, leader)
         west, south, east, north = box[one]
         w, s, e, n = box[other]
         union = min(west, w), min(south, s), max(east, e), max(north, n)
         common = floors[one] & floors[other]
+        if modes[one] & modes[other] & ~open_to:
+            continue  # a mode would pass from one to the other, though the road is closed to it
         if one != other and common and np.hypot(union[2] - union[0], union[3] - union[1]) <= _ACROSS * tolerance:
             low = min(one, other)
             high = max(one, other)
             leader[high] = low
             box[low] = union
             floors[low] = common
+            modes[low] = modes[one] | modes[other]
     for node in leader:
         label[node] = _leader_of(node, leader)
     return label
+
+
+def _modes_of(network: RoadNetwork, chains: RoadChains) -> tuple[IntArray, IntArray]:
+    """Return the modes of travel that may use each whole chain, and a road at each node, as the bits of numbers.
+
+    Without several modes all bits are set.
+    """
+    of_chains = np.full(len(chains.lengths), -1)
+    of_nodes = np.zeros(len(network.xy), np.int64)
+    if not network.modes:
+        return of_chains, of_nodes - 1
+    of_tags = np.array(
+        [sum((of_way[name] > 0.0) << bit for bit, name in enumerate(network.modes)) for of_way in network.tags]
+    )
+    of_roads = of_tags[network.ways] | of_tags[ways_back(network)]
+    np.bitwise_and.at(of_chains, chains.of_road, of_roads)
+    np.bitwise_or.at(of_nodes, network.sources, of_roads)
+    np.bitwise_or.at(of_nodes, network.targets, of_roads)
+    return of_chains, of_nodes
 
 
 def _leader_of(node: int, leader: dict[int, int]) -> int:

@@ -84,8 +84,8 @@ def check_names(map: Map) -> None:
         mode_of(map, None)
 
 
-def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
-    """Return the mode of travel for the streets of a file or place; None if the scenario names none.
+def mode_of(map: Map, folder: Path | None) -> osm.Mode | list[osm.Mode] | None:
+    """Return the mode of travel for the streets of a file or place, or its modes; None if the scenario names none.
 
     Raises:
         ScenarioError: the mode is unknown, or its file is missing, outside the folder or not valid.
@@ -101,10 +101,12 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
             known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
         if given.osm_type is None:
             raise ScenarioError(path, f"name one of its modes as osm_type.{nearest('', known)}")
-    if given.osm_type not in known:
-        hint = nearest(given.osm_type, known)
-        raise ScenarioError(f"map.{kind}.osm_type", f"there is no mode of travel {given.osm_type!r}.{hint}")
-    return known[given.osm_type]
+    names = given.osm_type if isinstance(given.osm_type, list) else [str(given.osm_type)]
+    for name in names:
+        if name not in known:
+            raise ScenarioError(f"map.{kind}.osm_type", f"there is no mode of travel {name!r}.{nearest(name, known)}")
+    found = [known[name] for name in names]
+    return found if isinstance(given.osm_type, list) else found[0]
 
 
 def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
@@ -197,7 +199,7 @@ def _walls_of(given: MapFile | MapPlace, options: Values) -> Values:
     return {"barriers": given.barriers, "elevation": options.get("elevation")}
 
 
-def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None, folder: Path | None) -> Values:
+def _options_of(given: MapFile | MapPlace, mode: osm.Mode | list[osm.Mode] | None, folder: Path | None) -> Values:
     """Return the options for the streets of a map, as arguments of `gamms.osm` functions."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}

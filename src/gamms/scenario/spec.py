@@ -91,7 +91,7 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
 class StreetMap(_Mapping, frozen=True, kw_only=True):
     """The common keys of maps of real streets."""
 
-    osm_type: Travel | None = None
+    osm_type: Travel | Annotated[list[Travel], Meta(min_length=1, description="Modes of one graph.")] | None = None
     modes: Annotated[Location, Meta(description="A TOML file of modes of travel in the folder.")] | None = None
     resolution: float | None = None
     bidirectional: bool | None = None
