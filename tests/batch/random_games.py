@@ -311,6 +311,7 @@ class Drawn:
     closed: set = frozenset()  # numbers of streets that are closed at the start
     on_illegal: str = "stay"
     has_checks: bool = True  # of deeds
+    modes: list = ()  # of agents: edge attributes, or None
 
     @property
     def moves_before(self):
@@ -361,6 +362,8 @@ class Drawn:
                 "slow": 2.0 - length if number % 7 else inf,
             }
             edge["travel_time"] = 0.2 + number % 3 / 4
+            if self.modes:
+                edge |= {"car": number % 3 > 0, "foot": float(number % 4)}
             if self.is_bent and number % 3:
                 (x, y), (x1, y1) = divmod(source, 7)[::-1], divmod(target, 7)[::-1]
                 between = [(x + 0.4, y - 0.3), (x1 - 0.2, y1 + 0.7)][: number % 3]
@@ -389,6 +392,8 @@ class Drawn:
         if flies:
             given = self._flying(ctx, number, name)
             sees += given.pop("sees")
+        if self.modes and not flies:
+            given["mode"] = self.modes[number % len(self.modes)]
         agent = ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=sees, **given)
         if motion.get("speeds") and not flies:
             agent.speed = motion["speeds"][number % len(motion["speeds"])]

@@ -97,6 +97,19 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(how, data, seeds, ag
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
+modes = st.lists(st.sampled_from(["car", "foot", None]), min_size=1, max_size=3).filter(any)
+
+
+@pytest.mark.parametrize("how", ["one edge", "edges", "metres"])
+@settings(LARGE, max_examples=4)
+@given(data=st.data(), modes=modes, **drawn_for_all)
+def test_games_in_which_agents_have_modes_are_those_that_are_played_alone(how, data, modes, seeds, again, outside, lot):
+    drawn = replace(data.draw(st.one_of(games([how]), games_with_plain_parts([how]))), modes=modes)
+    outside = without_recruits(drawn, outside)
+    with drawn.open() as ctx:
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
 @LARGE
 @given(drawn=games(in_air=True), **drawn_for_all)
 def test_games_in_which_agents_fly_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):

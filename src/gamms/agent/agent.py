@@ -29,6 +29,7 @@ from gamms.typing.actions import (
     heading_in,
     known_node,
     level_quat,
+    mode_in,
     strategy_in,
 )
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
@@ -57,6 +58,19 @@ class _DerivedProperty:
 
     def __get__(self, agent: "BaseAgent | None", owner: type) -> Any:
         return self if agent is None else self._value_of(agent)
+
+
+class _Mode:
+    """The edge attribute that says which edges an agent may use; None: all. It is fixed when the agent is created."""
+
+    def __get__(self, agent: "Agent | None", owner: type) -> Any:
+        return self if agent is None else agent._block.modes[agent._row]
+
+    def __set__(self, agent: "Agent", value: object) -> None:
+        raise AttributeError(
+            "agent.mode cannot be set: it is fixed when the agent is created. Give create_agent mode=, and create "
+            "several agents for several modes."
+        )
 
 
 class BaseAgent(AgentView, ContextPart, IAgent):
@@ -427,10 +441,11 @@ class Agent(BaseAgent):
         self, ctx: IContext, name: str, start_node_id: NodeId, *, _block: AgentBlock | None = None, **kwargs: object
     ) -> None:
         block = AgentBlock(ctx.graph.graph) if _block is None else _block
+        mode = mode_in(ctx, block, kwargs.pop("mode", None))
         graph = self._begin(ctx, block, kwargs)
         node = known_node(graph, block, start_node_id)
         object.__setattr__(self, "_near", graph.neighborhoods)
-        object.__setattr__(self, "_row", block.add(as_name(name, "an agent"), node))
+        object.__setattr__(self, "_row", block.add(as_name(name, "an agent"), node, mode=mode))
         for key, value in kwargs.items():
             setattr(self, key, value)
 
@@ -448,6 +463,8 @@ class Agent(BaseAgent):
         if speed is not None:
             as_range(speed, f"speed of agent {self.name!r}")
         self._set("speed", speed)
+
+    mode = _Mode()
 
     @property
     def orientation(self) -> tuple[float, float]:

@@ -37,7 +37,7 @@ from gamms.arguments import as_declared, as_member, as_name, misspelt, with_opti
 from gamms.compat import Surface
 from gamms.core.copies import copied_values
 from gamms.deciding import ContextPart, Guarded, phase_of, refused_while_deciding
-from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
+from gamms.errors import BadValue, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, read_vector
 from gamms.ir.graph import FloatArray, IntArray
@@ -55,7 +55,9 @@ from gamms.typing.sensor_engine import ISensor, owner_of
 _MANY = 1000  # number of nodes from which an array is faster than single look-ups
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
 _OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # data of a team in addition to its columns
-_KEYWORDS = _OF_TEAMS | dict.fromkeys(("type", "agent_type", "orientation", "meta", "speed", "position", "quat"))
+_KEYWORDS = _OF_TEAMS | dict.fromkeys(
+    ("type", "agent_type", "orientation", "meta", "speed", "mode", "position", "quat")
+)
 _OF_FLYERS = {
     one: f"{one}= is only for flying agents: also give type=AgentType.AERIAL and speed=."
     for one in ("position", "quat")
@@ -80,6 +82,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._ctx = ctx
         self._agents: dict[str, BaseAgent] = Agents()
         self._is_shared = False  # whether the set of agents is copied before it changes; see `AgentStorage.share`
+        self._warned = set[tuple[str, str]]()  # keywords and their values, as `_warn_of_edge_attributes` has named them
         self._new_block()
         self._storage = AgentStorage(self)
         self._last_departure = DeletedAgent()
@@ -170,6 +173,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         strategy: Strategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
+        mode: str | Mapping[str, str] | None = None,
         type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
         agent_type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
         **attributes: object,
@@ -197,6 +201,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
+        self._check_travel(name, kwargs, flies=kind is AgentType.AERIAL)
         self._phase.known_names.update(kwargs)
         self._part()
         block = self._block
@@ -282,6 +287,27 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             raise
         return Team(self._ctx, team, members, lambda: self._block)
 
+    def _check_travel(self, name: str, kwargs: Mapping[str, Any], *, flies: bool) -> None:
+        """Refuse the mode of an agent that flies, and warn of attributes that look like one."""
+        if flies and kwargs.get("mode") is not None and not self._block.trusts_nodes:
+            raise BadValue(f"Agent {shown(name)} flies over all edges: mode= is only for agents on the ground.")
+        self._warn_of_edge_attributes(name, kwargs)
+
+    def _warn_of_edge_attributes(self, name: str, attributes: Mapping[str, object]) -> None:
+        """Warn once of attributes whose text names an attribute of the edges, as if it said how an agent travels."""
+        texts = {key: value for key, value in attributes.items() if isinstance(value, str) and key not in _KEYWORDS}
+        if not texts or self._block.trusts_nodes:
+            return
+        known = self._ctx.graph.columns().edge_attributes
+        for key, value in texts.items():
+            if value in known and (key, value) not in self._warned:
+                self._warned.add((key, value))
+                self._ctx.logger.warning(
+                    f"Agent {shown(name)}: {key}={value!r} names an attribute of the edges, but it is an attribute of "
+                    f"the agent, and changes no route. mode={value!r} says which edges the agent may use, and "
+                    f"ctx.game.weight = {value!r} by which costs agents with speeds in metres choose their ways."
+                )
+
     def _note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
         """Tell the game where agents were created."""
         if self._phase.created is not None:
@@ -303,6 +329,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if strategy is not None:
             strategy = strategy_in(self._ctx, strategy)
             self._phase.change_strategies()
+        self._warn_of_edge_attributes(names[0], {key: column[0] for key, column in values.items()})
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is stored as an attribute.")
         block.has_teams = True
@@ -478,7 +505,7 @@ class AgentStorage(Guarded):
 
     def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
         """Return the sensors, attributes and strategy of each agent, read-only."""
-        return details_of(self._engine._stored())
+        return details_of(self._engine._stored(), self._engine._block.modes)
 
     def strategies(self) -> list[Any]:
         """Return the strategy of each agent."""
@@ -486,7 +513,7 @@ class AgentStorage(Guarded):
 
     def attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have any, by row; read-only."""
-        return attributes_of(self._engine._agents)
+        return attributes_of(self._engine._agents, self._engine._block.modes)
 
     def made(self) -> list[BaseAgent]:
         """Return the agents whose objects exist: all except unused members of teams."""

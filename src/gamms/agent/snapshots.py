@@ -1,6 +1,6 @@
 """Snapshots of the agents of a game."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress
@@ -153,27 +153,35 @@ def teams_in(stored: dict[str, Any]) -> dict[int, UncreatedMembers]:
     return {key: one for key, one in each.items() if type(one) is UncreatedMembers}
 
 
-def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
-    """Return the sensors, attributes and strategy of each agent, read-only."""
+def details_of(stored: dict[str, Any], modes: Sequence[str | None]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
+    """Return the sensors, attributes and strategy of each agent, read-only; `modes` are among the attributes."""
     alike: dict[int, Any] = {key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns}
     return [
         alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
         if type(one) is UncreatedMembers
-        else (one._sensor_list, one.__dict__, one.strategy)
+        else (one._sensor_list, _with_mode(one.__dict__, modes[one._row]), one.strategy)
         for name, one in stored.items()
     ]
 
 
-def attributes_of(agents: dict[str, BaseAgent]) -> dict[int, dict[str, Any]]:
-    """Return the attributes of agents that have any, by row; read-only."""
+def _with_mode(attributes: dict[str, Any], mode: str | None) -> dict[str, Any]:
+    """Return the attributes of an agent and its mode, if it has one."""
+    return attributes if mode is None else {"mode": mode, **attributes}
+
+
+def attributes_of(agents: dict[str, BaseAgent], modes: Sequence[str | None]) -> dict[int, dict[str, Any]]:
+    """Return the attributes of agents that have any, by row; read-only; `modes` are among them."""
     if not isinstance(agents, AgentsByName):
-        return {row: one.__dict__ for row, one in enumerate(agents.values()) if one.__dict__}
+        of_each = {row: _with_mode(one.__dict__, modes[one._row]) for row, one in enumerate(agents.values())}
+        return {row: found for row, found in of_each.items() if found}
     stored = agents.stored_once()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)
     if not any(type(one) is UncreatedMembers and one.columns for one in stored):
-        made = {one._row: one.__dict__ for one in stored if type(one) is not UncreatedMembers}
+        made = {
+            one._row: _with_mode(one.__dict__, modes[one._row]) for one in stored if type(one) is not UncreatedMembers
+        }
         return {row: made[row] for row in sorted(made) if made[row]}
-    return {
-        row: found
+    each = {
+        row: one.attributes(name) if type(one) is UncreatedMembers else _with_mode(one.__dict__, modes[one._row])
         for row, (name, one) in enumerate(agents.stored_items())
-        if (found := one.attributes(name) if type(one) is UncreatedMembers else one.__dict__)
     }
+    return {row: found for row, found in each.items() if found}

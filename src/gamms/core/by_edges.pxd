@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws, moves, strategies, travel
+from gamms.core cimport draws, moves, rules, strategies, travel
 from gamms.core.moves cimport LegalMoves, TripMovers
 from gamms.core.rules cimport GameColumns
 from gamms.core.travel cimport ReachSearch, GoalPaths, LegalNodes, TurnPaths
@@ -32,8 +32,6 @@ cdef class EdgeMovers(TripMovers):
     cdef bint goes_far
     cdef const double[::1] speeds
 
-    @cython.locals(first=i64)
-    cdef int take_game(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, row=i64, part=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
     cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
@@ -57,6 +55,7 @@ cpdef bint go_towards(EdgePaths walks, i64 row, GoalPaths ways, i64 memory, i64 
 @cython.locals(budget=double, speed=double, edges=i64, first=i64, place=i64, left=double)
 cpdef int walk(EdgePaths walks, i64 row, i64 count) except -1 nogil
 
+cdef int use_edges(EdgeMovers w, i64 first) except -1 nogil
 cdef int stand(GameColumns games, EdgeMovers w, i64 row, i64 i) except -1 nogil
 @cython.locals(row=i64, own=i64, node=i64, target=i64, count=i64)
 cdef int choose(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from gamms.core import draws, moves, strategies, travel
+from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.moves import LegalMoves, TripMovers
 from gamms.core.rules import GameColumns
 from gamms.core.travel import GoalPaths, LegalNodes, ReachSearch, TurnPaths
@@ -92,16 +92,6 @@ class EdgeMovers(TripMovers):
         self.goes_far = long_ways is not None
         self.speeds = speeds
 
-    def take_game(self, games: GameColumns, game: int) -> int:
-        """Use the map and the paths of a game."""
-        self.first = game * games.agents if self.has_all else 0
-        first = games.first_node[game]
-        self.paths.legal.first = first
-        self.paths.hops.roads.first = first
-        if self.goes_far:
-            self.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
-        return 0
-
     def decide(self, games: GameColumns, game: int) -> int:
         """Choose the moves of the living agents in this part of the turn, and write their paths; all others stay."""
         part = self.part[game]
@@ -111,6 +101,7 @@ class EdgeMovers(TripMovers):
             row = game * games.agents + i
             if part == 0:
                 moves.set_out(games, self, row)
+            use_edges(self, rules.first_place(games, game, i))
             if self.part_of[i] == part:
                 choose(games, self, game, i)
             elif self.part_of[i] > part:
@@ -257,6 +248,15 @@ def walk(walks: EdgePaths, row: int, count: int) -> int:
 
 
 # -- the agents of a game --------------------------------------------------------------------------------------------
+
+
+def use_edges(w: EdgeMovers, first: int) -> int:
+    """Use the edges of the map, and of the mode, whose first node is at a place."""
+    w.paths.legal.first = first
+    w.paths.hops.roads.first = first
+    if w.goes_far:
+        w.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
+    return 0
 
 
 def stand(games: GameColumns, w: EdgeMovers, row: int, i: int) -> int:

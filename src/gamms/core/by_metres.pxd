@@ -21,7 +21,6 @@ cdef class MetreMovers(TripMovers):
     cdef i64[::1] motion, start_places, end_places, drawn
     cdef i64 most_edges
 
-    cdef int take_game(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(i=i64, row=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(was_on_edge=bint)

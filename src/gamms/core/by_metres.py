@@ -64,16 +64,11 @@ class MetreMovers(TripMovers):
         self.most_edges = most_edges
         self.drawn = drawn
 
-    def take_game(self, games: GameColumns, game: int) -> int:
-        """Use the map and the paths of a game."""
-        self.first = game * games.agents if self.has_all else 0
-        self.roads.first = games.first_node[game]
-        return 0
-
     def decide(self, games: GameColumns, game: int) -> int:
         """Choose the moves of the living agents in this part of the turn, and find their paths; all others stay."""
         for i in range(games.agents):
             row = game * games.agents + i
+            self.roads.first = rules.first_place(games, game, i)
             if is_there(games, self, game, i):
                 self.end_places[row] = self.start_places[row]
                 self.ends[row] = games.node[row]
@@ -104,6 +99,7 @@ class MetreMovers(TripMovers):
         """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
         own = self.first + i
+        self.roads.first = rules.first_place(games, game, i)
         if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, own):
             begin(games, self, row, i)
             travel.stand(self.roads, self.trips, own)

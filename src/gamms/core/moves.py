@@ -254,7 +254,7 @@ class TripMovers(OneEdgeMovers):
         self.has_all = has_all
 
     def take_game(self, games: GameColumns, game: int) -> int:
-        """Use the map and the paths of a game."""
+        """Use the paths of a game; the edges that each agent may use are chosen for each, see `rules.first_place`."""
         self.first = game * games.agents if self.has_all else 0
         return 0
 

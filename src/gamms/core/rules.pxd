@@ -22,7 +22,7 @@ cdef class GameColumns:
     cdef public const i64[::1] order
     cdef bint applies_effects
     cdef i64[::1] node, previous, stops, start, turn
-    cdef const i64[::1] home, team, first_node
+    cdef const i64[::1] home, team, first_node, mode_first
     cdef u8[::1] alive, placed, over
     cdef const u8[::1] plays
     cdef double[::1] score
@@ -32,6 +32,9 @@ cdef class GameColumns:
 
     cdef Py_ssize_t row_of(self, i64 game, i64 agent) noexcept nogil
     cpdef int bind(self, i64[::1] node, i64[::1] previous, u8[::1] alive) except -1
+
+
+cdef i64 first_place(GameColumns games, i64 game, i64 agent) except -1 nogil
 
 
 @cython.final

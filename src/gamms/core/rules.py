@@ -90,6 +90,8 @@ class GameColumns:
         plays: (games * teams,) 1: the team has, or had, an agent in the game.
         first_node: (games,) the place of the first node of the game's map in tables for several maps, which differ in
             the open roads; 0 if there is one map.
+        mode_first: (agents,) what is added to `first_node` for the edges that each agent may use; see `first_place`.
+            Empty in games without modes.
         edge, share: (games * rows,) in games by metres, the edge of an agent, -1 on a node, and the share of the edge
             behind it; see also `by_edges`. Empty in games along one edge per turn.
         nobody: the team number of agents without a team; -1: all agents have a team.
@@ -113,6 +115,7 @@ class GameColumns:
         team: memoryview[int],
         plays: memoryview[int],
         first_node: memoryview[int],
+        mode_first: memoryview[int] = NO_INTS,
         edge: memoryview[int] = NO_INTS,
         share: memoryview[float] = NO_FLOATS,
         nobody: int = -1,
@@ -136,6 +139,7 @@ class GameColumns:
         self.team = team
         self.plays = plays
         self.first_node = first_node
+        self.mode_first = mode_first
         self.edge = edge
         self.share = share
         self.nobody = nobody
@@ -151,6 +155,13 @@ class GameColumns:
         self.alive = alive
         self.rows = len(node)
         return 0
+
+
+def first_place(games: GameColumns, game: int, agent: int) -> int:
+    """Return the place of the first node, in tables of the edges that an agent may use."""
+    if len(games.mode_first) == 0:
+        return games.first_node[game]
+    return games.first_node[game] + games.mode_first[agent]
 
 
 class Events:

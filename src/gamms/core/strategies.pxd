@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport draws, routes, sight, travel
+from gamms.core cimport draws, routes, rules, sight, travel
 from gamms.core.rules cimport GameColumns
 
 ctypedef unsigned char u8

@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from typing import Any
 
-from gamms.core import draws, routes, sight, travel
+from gamms.core import draws, routes, rules, sight, travel
 from gamms.core.rules import GameColumns
 
 STAYS = 0  # kinds of steps: stay;
@@ -218,7 +218,7 @@ def take_legal(p: Strategies, nodes: memoryview[int], count: int) -> int:
 def act(p: Strategies, game: int, agent: int) -> int:
     """Return the node that an agent chooses, legal unless `goes_far`; -1: it stays."""
     node = p.games.node[game * p.games.agents + agent]
-    p.ways.arcs.first = p.games.first_node[game]
+    p.ways.arcs.first = rules.first_place(p.games, game, agent)
     step = p.steps.begins[agent]
     while step < p.steps.begins[agent + 1]:
         kind = p.steps.kinds[step]

@@ -468,7 +468,7 @@ class Decisions(Answers):
             slot = self.slots[i]
             if slot.travels:
                 self.make_paths()
-                self._legality.travel.put(self.paths, i)
+                self._legality.of(slot).travel.put(self.paths, i)
             elif not resolved.is_step():
                 self.make_paths()
                 self.paths.walk(i, resolved.path, resolved.progress)

@@ -11,7 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_range
 from gamms.core.ask import DecidingAgent, SensorCall
-from gamms.errors import GammsError
+from gamms.errors import BadValue, GammsError
 from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
@@ -61,8 +61,9 @@ class AgentSlot:
         row: its current row in the block; orders of earlier turns have the earlier row in `selection`.
         flies: whether it flies.
         speed: its speed per turn, in the unit of the game; None: one edge.
+        mode: the edge attribute that says which edges it may use; None: all.
         travels: whether it may be anywhere on an edge.
-        is_plain: whether it moves along one edge, on the ground.
+        is_plain: whether it moves along one edge, any, on the ground.
         carried: its sensors, prepared for calls.
         last: a list whose only item is the last state that it got.
         sees_world_only: whether all its sensors are built-in, and look only at the graph and the agents.
@@ -72,7 +73,7 @@ class AgentSlot:
 
     __slots__ = (
         *("_asked", "_draws", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "game"),
-        *("is_plain", "last", "name", "row", "sees_world_only", "speed", "team", "travels"),
+        *("is_plain", "last", "mode", "name", "row", "sees_world_only", "speed", "team", "travels"),
     )
 
     def __init__(
@@ -90,7 +91,9 @@ class AgentSlot:
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
-        self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
+        self.mode: str | None = None if self.flies else getattr(agent, "mode", None)
+        is_slow = self.speed is None and self.mode is None
+        self.is_plain = is_slow and not (self.flies or self.travels) and settings.legal == "edges"
         # NOTE: made on demand: an agent with a plan of arrays has no state and draws nothing
         # (benchmarks: teams).
         self._draws: Draws | None = None
@@ -145,7 +148,7 @@ class AgentSlot:
         """The agent in the form of the core, for usual turns."""
         agent = self.agent
         if self._asked is None or self._asked.strategy is not agent.strategy:
-            is_usual = (self.is_plain or self.travels) and agent.strategy is not None
+            is_usual = (self.is_plain or self.travels) and self.mode is None and agent.strategy is not None
             template = self.template if is_usual else None
             sensors = tuple([SensorCall(*one) for one in self.carried])
             args = agent, agent.strategy, template, sensors, self.last
@@ -226,7 +229,7 @@ class Slots(Sequence[AgentSlot]):
         paced: the indices of agents on the ground that may be on an edge.
         travel: whether agents on the ground may be anywhere on an edge.
         moved, blocked: (agents,) the number of moves, and of stopped moves, that is not yet in the counts of each.
-        are_plain: whether all agents move along one edge, on the ground.
+        are_plain: whether all agents move along one edge, any, on the ground.
     """
 
     def __init__(
@@ -288,7 +291,10 @@ class Slots(Sequence[AgentSlot]):
             for i, row in enumerate(rows if some else ())
             if not kind[row] and (travels or has_speed[row] or has_progress[row])
         ]
-        are_slow = not travels and not any(has_speed[rows[i]] for i in self.paced)
+        have_modes = any(mode is not None for mode in block.modes)
+        if have_modes:
+            refuse_modes(settings.legal, settings.decide)
+        are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
     def _renumber(self, block: AgentBlock) -> None:
@@ -465,6 +471,18 @@ class SlotMaker:
         if known:
             slots.at([i for i in change.places if slots.names[i] in known])
         return slots
+
+
+def refuse_modes(legal: str, decide: str) -> None:
+    """Refuse agents with a mode in games whose moves do not follow it.
+
+    Raises:
+        BadValue: moves follow no edges, or agents decide on arrival.
+    """
+    if legal == "any":
+        raise BadValue("Agents have mode=, but with ctx.game.legal = 'any' moves need no edges: leave legal='edges'.")
+    if decide == "arrival":
+        raise BadValue("Agents have mode=, which ctx.game.decide = 'arrival' does not follow: leave decide='turn'.")
 
 
 def _speed(agent: IAgent) -> float | None:

@@ -325,7 +325,7 @@ class TurnEngine(GameTurn):
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
         if slot.travels:
-            self.travel.show(state, here, block.on_edge(row))
+            self._legality.of(slot).travel.show(state, here, block.on_edge(row))
         if "time" in state:
             state["time"] = self._legality.travel.now
         state["turn"] = game.turn

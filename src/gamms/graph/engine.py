@@ -187,7 +187,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             from gamms.graph.visibility import VisibilityTables
 
             obstacles = self._present()
-            routes = CachedRoutes(self._store)
+            routes = CachedRoutes(self._store, Graph)
             self._tables = VisibilityTables(self._store, routes, obstacles, self._ctx, self._storage)
         return self._tables.get(radius, observer_height, path, progress=progress, workers=workers)
 

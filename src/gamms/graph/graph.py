@@ -55,7 +55,7 @@ class Graph(Surface, Guarded, IGraph):
     def __init__(self, store: GraphStore | None = None, phase: DecidePhase = UNDECIDED) -> None:
         self._phase = phase
         self._store = GraphStore() if store is None else store
-        self._routes = CachedRoutes(self._store)
+        self._routes = CachedRoutes(self._store, type(self))
         self._queries = RouteQueries(self._routes, self.columns)
         self._shown: GraphColumns | None = None  # read-only including all attributes, for strategies
 

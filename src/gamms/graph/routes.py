@@ -8,6 +8,7 @@ nodes to this goal is computed; after that a path from anywhere is read from the
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from itertools import pairwise
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from gamms.arguments import as_range
 from gamms.errors import BadType, UnknownName
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges, select_edges
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
@@ -51,17 +52,23 @@ class GoalDistances:
 class CachedRoutes(Routes):
     """The routes of a graph store.
 
+    Args:
+        store: the graph.
+        make_graph: makes the graph of a mode from another store; Any: `graph.py` imports this module.
+
     Attributes:
         cache: results by key; for (weight, node id): distances to the node and next nodes on the path, by row.
     """
 
-    def __init__(self, store: GraphStore) -> None:
+    def __init__(self, store: GraphStore, make_graph: Callable[[GraphStore], Any]) -> None:
         self._store = store
+        self._make_graph = make_graph
         self.cache = Cache(_MOST_BYTES)
         self._searches: dict[tuple[str | None, bool], kernels.Search] = {}  # by weight, and reversed or not
         self._goals: dict[tuple[str | None, int], GoalDistances] = {}  # by weight and row
         self._searched_revision: int | None = None
         self._steps_kept = 0
+        self._modes: dict[str, tuple[int, int, Any]] = {}  # with the revisions of this graph and of its own
 
     def ids(self) -> IntArray:
         """Return the ids of all existing nodes, (nodes,), by row."""
@@ -157,6 +164,19 @@ class CachedRoutes(Routes):
             found = kernels.Search(arcs, self.ids())
             self._searches[weight, reverse] = found
         return found
+
+    def select_mode(self, mode: str) -> Any:  # Any: see `Routes`
+        """Return the graph with the edges that a mode may use; the same one until the graph changes."""
+        known = self._modes.get(mode)
+        if known is not None and known[:2] == (self._store.revision, known[2].revision):
+            return known[2]
+        columns = self._store.columns()
+        store = GraphStore()
+        chosen = select_edges(columns, find_usable_edges(columns, mode))
+        store.replace(chosen, self._store.attribution, self._store.scenery, {})
+        graph = self._make_graph(store)
+        self._modes[mode] = self._store.revision, store.revision, graph
+        return graph
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
         """Return the result of `make`, cached for this revision of the graph."""

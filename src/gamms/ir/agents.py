@@ -61,6 +61,7 @@ class AgentBlock(AgentColumns):
 
     Attributes:
         names, teams: of each agent; a team is any value set by the caller.
+        modes: the edge attribute that says which edges each agent may use; None: all. It never changes.
         kind: 0 on the ground, 1 flying: the values of `AgentType`.
         node, previous: numbers of nodes; for a flying agent the nearest nodes below.
         heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
@@ -97,6 +98,7 @@ class AgentBlock(AgentColumns):
 
     names: list[str]
     teams: list[Any]
+    modes: list[str | None]
     kind: memoryview[int]
     heading: list[tuple[float, float] | None]
     speed: memoryview[float]
@@ -203,7 +205,13 @@ class AgentBlock(AgentColumns):
     # -- adding and removing ------------------------------------------------------------------------------------
 
     def add(
-        self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
+        self,
+        name: str,
+        node: int,
+        team: Hashable = None,
+        position: Position | None = None,
+        speed: float | None = None,
+        mode: str | None = None,
     ) -> int:
         """Add an agent on the ground at `node`, or a flying agent at `position`; return its row."""
         row = self.games.add(1)
@@ -217,7 +225,7 @@ class AgentBlock(AgentColumns):
         self.kind[row] = flies
         self.alive[row] = True
         self._write(row, "speed", speed)
-        given: dict[str, Any] = {"names": name, "teams": team}
+        given: dict[str, Any] = {"names": name, "teams": team, "modes": mode}
         for column in _LISTS:
             getattr(self, column).append(given.get(column))
         self.rows.enter(name)

@@ -9,7 +9,7 @@ from typing import Any, Protocol, Self, TypeVar
 import numpy as np
 
 from gamms.arguments import as_ids, as_int, as_items
-from gamms.errors import BadType, nearest
+from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.readonly import ReadOnlyMapping, locked
 from gamms.text import shown
 
@@ -270,6 +270,70 @@ def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edg
         polylines=_renamed(columns.polylines, moved),
         edge_attributes={name: values for name, values in of_edges.items() if values},
     )
+
+
+def as_mode(value: object) -> str | None:
+    """Return the name of the edge attribute that says which edges a mode may use; None for no mode: all edges.
+
+    Args:
+        value: the name of a mode of the map, or `{"attribute": name}`, or None.
+
+    Raises:
+        BadType: the value has another form.
+    """
+    name = value["attribute"] if isinstance(value, Mapping) and [*value] == ["attribute"] else value
+    if name is None or isinstance(name, str):
+        return name
+    raise BadType(
+        f"mode= is the name of a mode of the map, such as 'drive', or {{'attribute': name}} of an edge attribute, not "
+        f"{shown(value)}."
+    )
+
+
+def find_usable_edges(columns: GraphColumns, mode: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Return which edges the agents of a mode may use, (edges,): where the attribute is true, or a number above 0.
+
+    This is the one place that says so; edges without the attribute may not be used.
+
+    Args:
+        columns: the graph.
+        mode: the name of an edge attribute with booleans or numbers, such as the speeds of a mode in km/h.
+
+    Raises:
+        UnknownName (KeyError): no edge has the attribute; the message has the attributes that may be modes.
+        BadValue: a value of the attribute is neither a boolean nor a number.
+    """
+    found = np.zeros(len(columns.edge_ids), np.bool_)
+    values = columns.edge_attributes.get(mode)
+    if values is None:
+        known = [name for name, given in columns.edge_attributes.items() if _says_who_may_pass(given)]
+        raise UnknownName("mode", mode, sorted(known), _MODES)
+    for row, value in values.items():
+        if not isinstance(value, _MAY_PASS):
+            raise BadValue(
+                f"The edge attribute {mode!r} is no mode: of edge {columns.edge_ids[row]} it is {shown(value)}, and a "
+                "mode has true or false, or speeds; 0 means that the edge may not be used."
+            )
+        found[row] = value is not None and value > 0
+    return found
+
+
+_MODES = " A mode is an edge attribute with true or false, or with speeds."
+_MAY_PASS = (bool, int, float, np.bool_, np.number, type(None))
+
+
+def _says_who_may_pass(values: Mapping[int, Any]) -> bool:
+    """Return whether an attribute may be a mode, judged by its first value."""
+    return isinstance(next(iter(values.values()), ""), _MAY_PASS)
+
+
+def select_edges(columns: GraphColumns, is_chosen: "np.ndarray[Any, np.dtype[np.bool_]]") -> GraphColumns:
+    """Return a graph with the edges of a mask (edges,), in the same order."""
+    rows = np.flatnonzero(is_chosen)
+    is_out = is_chosen[columns.out_edges]
+    number = np.cumsum(is_chosen) - 1
+    offsets = np.concatenate(([0], np.cumsum(is_out)))[columns.offsets]
+    return with_edges(columns, rows, offsets, number[columns.out_edges[is_out]])
 
 
 def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:

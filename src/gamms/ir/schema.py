@@ -170,6 +170,7 @@ COLUMNS = (  # in the order of keyframes
         is_structure=True,
         numbers=(BlockColumn("speed", "d", nan), BlockColumn("has_int_speed", "?", False)),
     ),
+    Column("modes", attribute="mode", is_structure=True, is_recorded=False),  # recorded with the attributes
     Column("sensors", is_in_block=False),
     Column("attributes", is_in_block=False),
     Column("strategies", is_in_block=False),

@@ -179,10 +179,12 @@ class LiveAgents(AgentsState):
             given: dict[str, Any] = {"start_node_id": int(columns["node"][row]), "sensors": sensors}
             if flies:
                 given |= {"type": 1, "speed": speed}
+            given |= {key: value for key, value in columns["attributes"][row].items() if key == "mode"}
             agent = self._engine.create_agent(name, **given)
         self._equip_as(agent, sensors)
         for key, value in columns["attributes"][row].items():
-            agent.__dict__[key] = deepcopy(value)
+            if key != "mode" or flies:  # on the ground, it is fixed
+                agent.__dict__[key] = deepcopy(value)
         agent.team = columns["teams"][row]
         agent.alive = bool(columns["alive"][row])
         if not flies:

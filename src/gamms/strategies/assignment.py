@@ -9,10 +9,13 @@ from gamms import kernels
 from gamms.arguments import as_context, as_count, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
+from gamms.game.movement.travel import graph_of
+from gamms.ir.graph import FloatArray
 from gamms.plain import ID, TEXT, at, dict_of, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     enemies_in_sight,
+    graph_for,
     move_to_agent,
     node_of,
     offer_steps,
@@ -54,7 +57,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
         _report(state, here, seen)
         mine = _matching(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
         if mine is None:
-            target = ctx.graph.routes.nearest(here, seen.values())
+            target = graph_for(ctx, state).routes.nearest(here, seen.values())
         else:
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to_agent(ctx, state, target, seen, fallback, "assign")
@@ -94,13 +97,24 @@ def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int]
     )
 
 
+def _distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> FloatArray:
+    """Return the distances (mates, targets), each along the edges that the agent may use."""
+    modes = [getattr(ctx.agent.get_agent(name), "mode", None) for name in mates]
+    nodes = list(mates.values())
+    far = np.empty((len(nodes), len(targets)))
+    for mode in dict.fromkeys(modes):
+        own = [place for place, one in enumerate(modes) if one == mode]
+        far[own] = graph_of(ctx, mode).routes.distances([nodes[place] for place in own], targets)
+    return far
+
+
 def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
     """Return the reachable enemy of each agent, by the matching of least total distance."""
     routes = ctx.graph.routes
     rounds = -(-len(mates) // len(enemies))
 
     def make() -> dict[str, str]:
-        costs = np.tile(routes.distances(list(mates.values()), list(enemies.values())), rounds)
+        costs = np.tile(_distances(ctx, mates, list(enemies.values())), rounds)
         names = list(enemies) * rounds
         pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
         return {mate: names[column] for mate, column, row in pairs if row[column] < inf}

@@ -13,6 +13,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
+from gamms.game.movement.travel import graph_of
 from gamms.game.strategy_specs import CoreStep
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray
@@ -20,6 +21,7 @@ from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     enemies_in_sight,
+    graph_for,
     known_nodes,
     legal_on_map,
     mates_in_sight,
@@ -55,7 +57,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     def strategy(state: State) -> None:
         here = node_of(state, "chase")
         enemies = enemies_in_sight(ctx, state, "chase")
-        nearest = ctx.graph.routes.nearest(here, enemies.values())
+        nearest = graph_for(ctx, state).routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
     offer_steps(strategy, CoreStep("chase"), fallback)
@@ -80,7 +82,8 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         threats = set(enemies_in_sight(ctx, state, "flee").values())
         if threats:
             legal = legal_on_map(ctx, state)
-            distances = np.array(ctx.graph.routes.distances_from_nearest(threats, legal), np.float64)
+            routes = graph_for(ctx, state).routes
+            distances = np.array(routes.distances_from_nearest(threats, legal), np.float64)
             ids = np.array(legal, np.int64)
             state["action"] = legal[core.farthest(kernels.buffer(distances), kernels.buffer(ids), len(legal))]
         else:
@@ -110,13 +113,16 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     post = as_known_node(ctx, node, "node of guard")
     reach = as_range(radius, "radius of guard")
 
-    def is_near(place: int) -> bool:
-        return ctx.graph.graph.distance(place, post) <= reach
-
     def strategy(state: State) -> None:
         here = node_of(state, "guard")
+        graph = graph_for(ctx, state)
+
+        def is_near(place: int) -> bool:
+            far: float = graph.distance(place, post)
+            return far <= reach
+
         enemies = {name: at for name, at in enemies_in_sight(ctx, state, "guard").items() if is_near(at)}
-        target = ctx.graph.routes.nearest(here, enemies.values()) if is_near(here) else None
+        target = graph.routes.nearest(here, enemies.values()) if is_near(here) else None
         if target is None:
             move_to(ctx, state, post, stay, "guard")
         else:
@@ -190,14 +196,14 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         here = node_of(state, "safest_exit")
         enemies = enemies_in_sight(ctx, state, "safest_exit")
         paces = by_pace(ctx, enemies)
-        graph = ctx.graph.graph
         first, reached = made_last(
             ctx.graph.routes,
             ("safest_exit", state["team"], ends),
             paces,
             lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces)),
         )
-        weight, speed = pace_of(ctx, state.get("name"))
+        weight, speed, mode = pace_of(ctx, state.get("name"))
+        graph = graph_of(ctx, mode)
 
         def lead(node: int) -> tuple[float, float, int]:
             own = {end: in_turns(graph.distance(node, end, weight), speed) for end in ends}
@@ -281,10 +287,10 @@ def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tu
 
 def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray) -> FloatArray:
     """Return `turns_from` for nodes, ascending, but infinite for nodes that are far."""
-    weight, speed = pace_of(ctx, name)
+    weight, speed, mode = pace_of(ctx, name)
     found = np.full(len(nodes), inf)
     if len(nodes) > 1 and 0.0 < speed < inf:
-        near = ctx.graph.graph.distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
+        near = graph_of(ctx, mode).distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
         ids = np.fromiter(near, np.int64, len(near))
         far = np.fromiter(near.values(), np.float64, len(near))
         at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
@@ -295,9 +301,9 @@ def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray)
 
 def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
     """Return ids of nodes, ascending; then for each node on an enemy's path its index there, and the arrival time."""
-    graph = ctx.graph.graph
     options = list[tuple[int, float]]()
-    for (weight, speed), at in _places(paces):
+    for (weight, speed, mode), at in _places(paces):
+        graph = graph_of(ctx, mode)
         far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
         for node in graph.shortest_path(at, goal, weight) if far < inf else [at]:
             rest = in_turns(graph.distance(node, goal, weight), speed)
@@ -317,8 +323,8 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     own = 1.0 + turns_from(ctx, me, nearest)
     ids = ctx.graph.columns().node_ids.tolist()
     theirs = turns_from(ctx, name, [enemies[name]])[0]
-    for (weight, speed), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
-        near = ctx.graph.graph.distances([*group.values()], weight=weight)
+    for (weight, speed, mode), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
+        near = graph_of(ctx, mode).distances([*group.values()], weight=weight)
         own = np.minimum(own, turns_for(np.array([near.get(id, inf) for id in ids]), speed))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
@@ -326,11 +332,11 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
 
 def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
     """Return the name of the enemy that needs the fewest turns from a node to its own node; ties go to the first."""
-    graph = ctx.graph.graph
     names = list[str]()
-    for (weight, speed), group in by_pace(ctx, enemies).items():
+    for (weight, speed, mode), group in by_pace(ctx, enemies).items():
+        graph = graph_of(ctx, mode)
         is_searched = len(group) > _FEW and 0.0 < speed < inf
-        nearest = ctx.graph.routes.nearest(node, group.values(), weight) if is_searched else None
+        nearest = graph.routes.nearest(node, group.values(), weight) if is_searched else None
         if nearest is None:
             names += group
         else:  # enemies at equal distances, up to rounding, may need equal numbers of turns
@@ -342,18 +348,20 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
 
 def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
     """Return how many turns the fastest of some agents needs to reach each node of `ends`."""
-    distance = ctx.graph.graph.distance
-    places = _places(paces)
-    return {
-        end: min((in_turns(distance(at, end, weight), speed) for (weight, speed), at in places), default=inf)
-        for end in ends
-    }
+    places = [(graph_of(ctx, pace.mode), pace, at) for pace, at in _places(paces)]
+
+    def turns(end: int) -> list[float]:
+        return [in_turns(graph.distance(at, end, pace.weight), pace.speed) for graph, pace, at in places]
+
+    return {end: min(turns(end), default=inf) for end in ends}
 
 
 def _in_reach(ctx: Context, paces: Paces) -> set[int]:
     """Return the nodes that at least one of some agents can reach in this turn."""
-    distances = ctx.graph.graph.distances
-    near = [distances([*group.values()], weight=weight, cutoff=speed) for (weight, speed), group in paces.items()]
+    near = [
+        graph_of(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
+        for (weight, speed, mode), group in paces.items()
+    ]
     return set[int]().union(*near)
 
 

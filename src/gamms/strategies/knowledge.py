@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 from gamms.arguments import as_function_of, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
+from gamms.game.movement.travel import graph_of
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import as_node_id
@@ -96,10 +97,18 @@ def legal_nodes(state: State, caller: str) -> Sequence[int]:
     return legal
 
 
+def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
+    """Return the graph of the edges that an agent may use by its mode; without a mode or a name, the whole graph."""
+    agent = ctx.agent.get_agent(state["name"]) if "name" in state else None
+    return graph_of(ctx, getattr(agent, "mode", None))
+
+
 def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
     """Return the legal nodes of an agent on the ground, its own first; by the map if `state["legal"]` is missing."""
-    legal = state.get("legal")
-    return ctx.graph.graph.neighborhoods[state["curr_pos"]] if legal is None else legal
+    legal: Sequence[int] | None = state.get("legal")
+    if legal is None:
+        legal = graph_for(ctx, state).neighborhoods[state["curr_pos"]]
+    return legal
 
 
 def has_speed(ctx: IContext, state: State) -> bool:
@@ -229,25 +238,29 @@ def move_to_agent(
     if its is None or its[0] != target:
         move_to(ctx, state, target, fallback, caller)
         return
-    graph = ctx.graph.graph
+    graph = graph_for(ctx, state)
+    lengths = ctx.graph.graph
     edge = state["edge"]
     source, end, street = its
     gone = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0)
-    length = graph.get_edge(street).length
+    length = lengths.get_edge(street).length
     if edge is not None and set(edge[:2]) == {source, end}:  # both are on one street
         offset = state["offset_m"] if edge[0] == source else length - state["offset_m"]
         state["action"] = end if offset < gone else source
         return
     starts = {state["curr_pos"]: state["offset_m"]}
     if edge is not None:
-        starts[edge[1]] = graph.get_edge(edge[2]).length - state["offset_m"]
-    ways = [(source, end, gone)]
+        starts[edge[1]] = lengths.get_edge(edge[2]).length - state["offset_m"]
+    ways = [(source, end, gone)] if graph is lengths or end in graph.neighborhoods[source] else []
     if source in graph.neighborhoods[end]:
         ways.append((end, source, length - gone))
     far, start, first, last = min(
-        (begun + graph.distance(start, first) + rest, start, first, last)
-        for start, begun in starts.items()
-        for first, last, rest in ways
+        (
+            (begun + graph.distance(start, first) + rest, start, first, last)
+            for start, begun in starts.items()
+            for first, last, rest in ways
+        ),
+        default=(inf, source, source, source),  # the agent may not use the street of the other one
     )
     if far == inf:
         fallback(state)
@@ -279,7 +292,7 @@ def step_towards(
     if is_paced and state.get("xy") is not None:
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
-    graph = ctx.graph.graph
+    graph = graph_for(ctx, state)
     return aims.step_towards(graph, here, legal, target, has_speed=is_paced, ends=ends, is_allowed=is_allowed)
 
 

@@ -2,39 +2,57 @@
 
 from collections.abc import Mapping, Sequence
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
 from gamms.context import Context
+from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray, IntArray
 
-Pace = tuple[str | None, float]  # a weight of edges, and the amount of it per turn
+
+class Pace(NamedTuple):
+    """How far an agent gets in a turn.
+
+    Attributes:
+        weight: the weight of edges that limits it.
+        speed: the amount of this weight per turn.
+        mode: its mode, which says which edges it may use; None: all.
+    """
+
+    weight: str | None
+    speed: float
+    mode: str | None
+
 
 LITTLE = 1e-9  # a speed for agents that do not move: they need no time to their own node, and nearly forever to others
 
 
 def pace_of(ctx: Context, name: str | None) -> Pace:
-    """Return the edge weight that limits an agent, and its amount per turn."""
-    return _pace(ctx, None if name is None else getattr(ctx.agent.get_agent(name), "speed", None))
+    """Return how far an agent gets in a turn; without a name, one along any edge."""
+    agent = None if name is None else ctx.agent.get_agent(name)
+    return _pace(ctx, getattr(agent, "speed", None), getattr(agent, "mode", None))
 
 
-def _pace(ctx: Context, speed: float | None) -> Pace:
+def _pace(ctx: Context, speed: float | None, mode: str | None) -> Pace:
     if speed is None or ctx.current_game is None:
-        return None, 1.0
+        return Pace(None, 1.0, mode)
     if ctx.game.speed_unit == "edges":
-        return None, speed
-    return "length", speed * (ctx.game.turn_seconds if ctx.game.speed_unit == "metres_per_second" else 1.0)
+        return Pace(None, speed, mode)
+    seconds = ctx.game.turn_seconds if ctx.game.speed_unit == "metres_per_second" else 1.0
+    return Pace("length", speed * seconds, mode)
 
 
 def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]:
     """Return visible agents with their nodes, grouped by pace."""
-    paces = dict[float | None, Pace]()
+    paces = dict[tuple[float | None, str | None], Pace]()
     found = dict[Pace, dict[str, int]]()
     for name, node in seen.items():
-        speed = getattr(ctx.agent.get_agent(name), "speed", None)
-        if speed not in paces:
-            paces[speed] = _pace(ctx, speed)
-        found.setdefault(paces[speed], {})[name] = node
+        agent = ctx.agent.get_agent(name)
+        own = getattr(agent, "speed", None), getattr(agent, "mode", None)
+        if own not in paces:
+            paces[own] = _pace(ctx, *own)
+        found.setdefault(paces[own], {})[name] = node
     return found
 
 
@@ -53,14 +71,14 @@ def turns_for(far: FloatArray, speed: FloatArray | float) -> FloatArray:
 
 def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
     """Return the number of turns that an agent needs between two nodes; infinite if there is no path."""
-    weight, speed = pace_of(ctx, name)
-    return in_turns(ctx.graph.graph.distance(source, target, weight), speed)
+    weight, speed, mode = pace_of(ctx, name)
+    return in_turns(graph_of(ctx, mode).distance(source, target, weight), speed)
 
 
 def turns_from(
     ctx: Context, name: str | None, sources: Sequence[int], targets: Sequence[int] | IntArray | None = None
 ) -> FloatArray:
     """Return the turns that an agent needs to nodes (sources, targets); None: all nodes of `ctx.graph.columns()`."""
-    weight, speed = pace_of(ctx, name)
+    weight, speed, mode = pace_of(ctx, name)
     ends = ctx.graph.columns().node_ids if targets is None else targets
-    return turns_for(ctx.graph.graph.distance_matrix(sources, ends, weight), speed)
+    return turns_for(graph_of(ctx, mode).distance_matrix(sources, ends, weight), speed)

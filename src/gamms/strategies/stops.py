@@ -8,10 +8,12 @@ from gamms.arguments import as_context
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import NoPath
+from gamms.game.movement.travel import graph_of
 from gamms.game.strategy_specs import CoreStep
 from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
+    graph_for,
     has_speed,
     known_nodes,
     legal_on_map,
@@ -22,6 +24,7 @@ from gamms.strategies.knowledge import (
 )
 from gamms.strategies.paces import pace_of
 from gamms.typing.game import NodeId, State, Strategy
+from gamms.typing.graph_engine import IGraph
 
 Step = tuple[int, int, float]  # node, index of the next stop from there, distance in edges or map units
 # the path of one turn: its length limit, and its steps, beginning with the agent's own node
@@ -50,7 +53,7 @@ def route(
         memory = required(state, "memory", caller)
         here = node_of(state, caller)
         if key not in memory and is_nearest_first:
-            nearest = ctx.graph.routes.nearest(here, stops.nodes)
+            nearest = graph_for(ctx, state).routes.nearest(here, stops.nodes)
             memory[key] = 0 if nearest is None else stops.nodes.index(nearest)
         at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
         at = stops.next(at, here)
@@ -96,8 +99,8 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
     Returns:
         None if no path leads to the next stop.
     """
-    graph = ctx.graph.graph
-    unit, speed = pace_of(ctx, state["name"])
+    unit, speed, mode = pace_of(ctx, state["name"])
+    graph = graph_of(ctx, mode)
     reach = speed + 1.0 if unit is None else speed  # the agent may have covered part of an edge before
     last = state["curr_pos"]
     far = 0.0
@@ -112,7 +115,7 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
             weight = ctx.game.weight
         elif len(steps) == 1 or graph.distance(last, stops.nodes[at], None) <= max(1.0, speed - far):
             weight = None  # to a legal node an agent takes the fewest edges
-        path = _path(ctx, last, stops.nodes[at], weight)
+        path = _path(graph, last, stops.nodes[at], weight)
         for node in path:
             far += graph.distance(last, node, unit)
             at = stops.next(at, node)
@@ -128,7 +131,7 @@ def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> Tur
 
 def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
     """Return the end of the agent's edge that leads to a node, and the distance to this end."""
-    graph = ctx.graph.graph
+    graph = graph_for(ctx, state)
     weight = ctx.game.weight
     source, end, edge = state["edge"]  # type: ignore[misc] # the agent is on one
     length = graph.get_edge(edge).length
@@ -140,10 +143,10 @@ def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
     return (source, state["offset_m"]) if behind < ahead else (end, length - state["offset_m"])
 
 
-def _path(ctx: Context, source: int, target: int, weight: str | None) -> list[int]:
+def _path(graph: IGraph, source: int, target: int, weight: str | None) -> list[int]:
     """Return the nodes after `source` on the shortest path; empty if there is no path."""
     try:
-        found: list[int] = ctx.graph.graph.shortest_path(source, target, weight)[1:]
+        found: list[int] = graph.shortest_path(source, target, weight)[1:]
     except NoPath:
         found = []
     return found

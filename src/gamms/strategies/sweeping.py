@@ -11,6 +11,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import ID, NODE, at, optional, set_of
 from gamms.strategies.knowledge import (
     as_otherwise,
+    graph_for,
     known_nodes,
     move_to,
     node_of,
@@ -85,9 +86,10 @@ def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, v
     team = required(state, "team", "sweep")
     members = {} if team is None else _living_members(ctx, team)
     own = _parts(ctx, team, chosen, len(members) or 1)[members[name] if members else 0]
-    nearest = ctx.graph.routes.nearest(here, sorted(own - visited))
+    routes = graph_for(ctx, state).routes
+    nearest: int | None = routes.nearest(here, sorted(own - visited))
     if nearest is None:
-        nearest = ctx.graph.routes.nearest(here, sorted(_parts(ctx, None, chosen, 1)[0] - visited))
+        nearest = routes.nearest(here, sorted(_parts(ctx, None, chosen, 1)[0] - visited))
     return nearest
 
 

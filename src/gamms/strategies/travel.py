@@ -17,6 +17,7 @@ from gamms.strategies.knowledge import (
     as_strategy,
     drawn_below,
     drawn_fraction,
+    graph_for,
     is_aerial,
     known_nodes,
     legal_nodes,
@@ -190,7 +191,7 @@ def random_waypoints(
         memory = required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
         is_there = target == here
-        far = inf if target is None or is_there else ctx.graph.graph.distance(here, target)
+        far = inf if target is None or is_there else graph_for(ctx, state).distance(here, target)
         left = core.turns_left(is_there, left, far)
         if left < 0:
             options = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen

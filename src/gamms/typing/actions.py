@@ -1,7 +1,7 @@
 """Checks of nodes, headings, positions, quaternions and strategies passed by callers."""
 
 import dis
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial, update_wrapper
 from inspect import Parameter, iscoroutinefunction, unwrap
 from math import hypot, isfinite
@@ -24,7 +24,7 @@ from gamms.arguments import (
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, speed_of
-from gamms.ir.graph import as_node_id, label_hint
+from gamms.ir.graph import as_mode, as_node_id, label_hint
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
@@ -47,6 +47,20 @@ def as_node(value: object, graph: IGraph) -> int:
             f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
             f"{label_hint(value, graph)}"
         ) from None
+
+
+def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
+    """Return the mode of a new agent on the ground: the name of an edge attribute, or None for all edges.
+
+    Raises:
+        BadType, UnknownName (KeyError), BadValue: no edge has the attribute, or its values are no booleans or numbers.
+    """
+    if block.trusts_nodes:  # a replay, in which no agent chooses its way
+        return as_mode(value) if isinstance(value, (str, Mapping)) else None
+    mode = as_mode(value)
+    if mode is not None:
+        ctx.graph.routes.select_mode(mode)
+    return mode
 
 
 def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:

@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_count, as_float, as_items, as_range
 from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
-from gamms.errors import BadValue, NoPath, UnknownName
+from gamms.errors import BadValue, NoPath, NotOffered, UnknownName
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id
 from gamms.readonly import locked
@@ -180,6 +180,10 @@ class Routes(ABC):
             return kernels.make_arcs(*ends, self.weights(weight), len(self.ids()))
 
         return self.remember(("arcs", weight, reverse), make)
+
+    def select_mode(self, mode: str) -> Any:  # Any: `IGraph` imports this module
+        """Return the graph with the edges that a mode may use; override to offer modes."""
+        raise NotOffered(self, "select_mode, by which agents have a mode")
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
         """Return offsets (nodes + 1,) and rows: each node itself, then its neighbors; see `kernels.neighborhoods`."""
@@ -426,6 +430,22 @@ class RouteQueries:
         """Return read-only offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbors."""
         found = self._routes.neighborhoods()
         return self._locked(("neighborhoods",), lambda: (locked(found[0]), locked(found[1])))
+
+    def select_mode(self, mode: str) -> Any:  # Any: an `IGraph`, as above
+        """Return the graph of a mode: all nodes, and the edges that agents of the mode may use.
+
+        It is for reading, and has the neighbors, paths and distances of these agents. Closed roads are missing, as in
+        the whole graph.
+
+        Args:
+            mode: the name of an edge attribute: a mode of the map, such as `"drive"`, whose values are speeds, or any
+                attribute with true and false. Edges where it is true or above 0 may be used.
+
+        Raises:
+            UnknownName (KeyError): no edge has this attribute.
+            BadValue: the attribute has other values.
+        """
+        return self._routes.select_mode(mode)
 
     def rows(self, nodes: NodeIds) -> IntArray:
         """Return the rows of nodes.

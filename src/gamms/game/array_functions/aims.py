@@ -79,12 +79,12 @@ class Aims:
     """Finds the actions that lead agents of a single game toward nodes, as strategies do.
 
     Args:
-        graph: the graph.
+        graphs: the graph, and the graphs of the modes of `movement`.
         movement: the movement of the agents.
     """
 
-    def __init__(self, graph: IGraph, movement: Movement) -> None:
-        self._graph = graph
+    def __init__(self, graphs: Sequence[IGraph], movement: Movement) -> None:
+        self._graphs = graphs
         self._movement = movement
         self._actions: list[int | list[int]] = []
 
@@ -100,6 +100,7 @@ class Aims:
             is_allowed = set(ids(np.flatnonzero(allowed)).tolist()).__contains__
         rows, are_legal = movement.legal(node, which)
         are_paced = movement.is_paced[which[1]].tolist()
+        modes = movement.mode_of[which[1]].tolist()
         edges = movement.on_edge(which)
         found = np.full(node.shape, -1)
         for place, has_speed in enumerate(are_paced):
@@ -109,7 +110,8 @@ class Aims:
                 after = movement.columns.targets[edges[place : place + 1]]
                 ends = [here, *ids(after if edges[place] >= 0 else after[:0]).tolist()]
             legal = ids(rows[place][are_legal[place]]).tolist()
-            step = step_towards(self._graph, here, legal, target, has_speed=has_speed, ends=ends, is_allowed=is_allowed)
+            graph = self._graphs[modes[place]]
+            step = step_towards(graph, here, legal, target, has_speed=has_speed, ends=ends, is_allowed=is_allowed)
             if step is not None:
                 found[place] = self._number_of(step, legal)
         return found

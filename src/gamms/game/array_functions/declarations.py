@@ -25,6 +25,7 @@ from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.travel import graph_of
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.ir.game_state import KEPT
@@ -241,7 +242,8 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
     if view._movement.acts_by_paths:
-        view._aims = Aims(ctx.graph.graph, view._movement)
+        graphs = [graph_of(ctx, mode) for mode in (None, *view._movement.modes)]
+        view._aims = Aims(graphs, view._movement)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = view._call(function, name)
     if block.kept:

@@ -97,7 +97,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         self._state = state
         self.games = games
         self.agents = agents
-        self.streets, self._movement, self._shared = state.world(games)
+        self.streets, self._movement, self._shared = state.world(games, agents)
         if state.noted_moves is not None and state.is_apart[games].any():
             self._movement = self._movement.with_notes(state.noted_moves)
         self.roster = state.roster

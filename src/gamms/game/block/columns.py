@@ -113,11 +113,16 @@ def sensors_of(agent: "IAgent | ComingAgent") -> Mapping[str, Any]:
     return found
 
 
+def mode_of(agent: "IAgent | ComingAgent") -> str | None:
+    """Return the mode of an agent on the ground, by which it may use edges; None: all edges, or it flies."""
+    return None if agent.type is AgentType.AERIAL else getattr(agent, "mode", None)
+
+
 class ComingAgent(NamedTuple):
     """An agent that is in no game of a batch at the start, but has a row.
 
     Attributes:
-        name, team, type, speed: the properties of the agent.
+        name, team, type, speed, mode: the properties of the agent.
         strategy: its strategy, of which only the array form counts.
         sensors: the sensors that agents of this name carry in some game, by name.
         is_reserved: whether the caller has reserved the row; else the agent was deleted before the batch.
@@ -127,6 +132,7 @@ class ComingAgent(NamedTuple):
     team: Hashable
     type: AgentType
     speed: float | None
+    mode: str | None
     strategy: Any
     sensors: Mapping[str, Any]
     is_reserved: bool = False
@@ -134,17 +140,18 @@ class ComingAgent(NamedTuple):
     @classmethod
     def like(cls, agent: IAgent, name: str) -> "ComingAgent":
         """Return a reserved agent of this name that is probably like another one."""
-        own = agent.team, agent.type, agent.speed, agent.strategy, sensors_of(agent)
+        own = agent.team, agent.type, agent.speed, mode_of(agent), agent.strategy, sensors_of(agent)
         return cls(name, *own, is_reserved=True)
 
     @classmethod
     def departed(cls, name: str, team: Hashable) -> "ComingAgent":
         """Return an agent that was deleted before the batch."""
-        return cls(name, team, AgentType.BASIC, None, None, {})
+        return cls(name, team, AgentType.BASIC, None, None, None, {})
 
     def fits(self, agent: "IAgent | ComingAgent") -> bool:
         """Return whether an agent that was created can take this row."""
         is_same = self.team == agent.team and self.type is agent.type and self.speed == agent.speed
+        is_same = is_same and self.mode == mode_of(agent)
         forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
         return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
 

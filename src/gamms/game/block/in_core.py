@@ -801,7 +801,9 @@ class CoreGames:
         streets = state.streets
         self._streets = streets.core_with_all_legal if state.movement.are_all_legal else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
-        self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
+        have_modes = bool(state.movement.mode_of.any())
+        self._mode_first = np.zeros(len(state.roster.names) if have_modes else 0, np.int64)  # see `rules.GameColumns`
+        self._tables: RoadTables | None = None  # of the games, once a rule has closed roads, or with modes
         self._number = number
         self._here = state.node  # see `note_places`
         self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `last_moves`, while agents arrive
@@ -1011,13 +1013,15 @@ class CoreGames:
     def _take_roads(self) -> None:
         """Set the open roads of each game for moves, paths and contacts."""
         roads = self._state.roads
-        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+        if (self._tables is not None or roads.differ) and self._tables is not roads.tables:
             self._tables = roads.tables
             self._give_roads(roads, self._tables)
 
     def _give_roads(self, roads: OpenRoads, tables: RoadTables) -> None:
         """Set the maps of these tables for all threads."""
         self._first_node[:] = tables.first
+        if len(self._mode_first):
+            self._mode_first[:] = self._state.movement.mode_of * tables.stride
         for weight, search in roads.searches:
             search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
         if self._streets.are_all_legal:
@@ -1111,6 +1115,7 @@ class CoreGames:
             team=flat(roster.team_of, np.int64),
             plays=memory_of(state.plays),
             first_node=self._first_node.data,
+            mode_first=self._mode_first.data,
             nobody=roster.nobody,
             **({} if columns is None else columns.on_edges),
         )

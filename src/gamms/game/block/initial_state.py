@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.core.block import AT_START, GameStarts, StartColumn
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, starts_of
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, mode_of, starts_of
 from gamms.game.block.in_core import CoreColumns, memory_of
 from gamms.game.block.state import STOPPED, Drawn, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
@@ -23,7 +23,7 @@ from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
-from gamms.game.slots import COUNTED
+from gamms.game.slots import COUNTED, refuse_modes
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
 from gamms.ir.agents import UNTURNED, read_vector, speed_of
@@ -63,11 +63,17 @@ def movement_of(
     closed = graph.storage.roads()[1] if may_reopen else {}
     whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
+    modes = [mode_of(agent) for agent in roster.agents]
+    have_modes = any(mode is not None for mode in modes)
+    if have_modes:
+        refuse_modes(settings["legal"], settings["decide"])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":
-        return Movement(streets, whole, closed, speeds=speeds, terms=TravelTerms.of(game, whole or streets))
-    return Movement(streets, whole, closed, speeds=speeds if any(speed is not None for speed in speeds) else None)
+        terms = TravelTerms.of(game, whole or streets)
+        return Movement(streets, whole, closed, speeds=speeds, terms=terms, modes=modes)
+    depends = have_modes or any(speed is not None for speed in speeds)
+    return Movement(streets, whole, closed, speeds=speeds if depends else None, modes=modes)
 
 
 class NextStarts:

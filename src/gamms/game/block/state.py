@@ -405,6 +405,7 @@ COLUMNS = (
     GameColumn("time", np.float64, "game"),
 )
 """The columns of all games. Starts, checkpoints, `columns` and `load` follow from these entries."""
+_NO_AGENTS = np.zeros(0, np.int64)
 _OF_SOME = ("flyer", "walker", "traveler")  # axes that are empty in most batches
 
 
@@ -724,21 +725,27 @@ class GameArrays(BatchColumns):
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Set the map of games, on which other roads are open; None: the map of the start."""
         self.roads.put(games, roads)
-        self.movement.roads = self.roads if self.roads.are_closed else None
+        self.movement.take_roads()
 
-    def world(self, games: IntArray) -> MapData:
-        """Return the graph, the movement and the cached data of games."""
-        if not self.roads.are_closed:
+    def world(self, games: IntArray, agents: IntArray = _NO_AGENTS) -> MapData:
+        """Return the graph, the movement and the cached data of games, for agents: with the edges that they may use.
+
+        Without agents, the edges are all open ones.
+        """
+        if not self.roads.differ:
             return MapData(self.streets, self.movement, self.shared)
         number = self.roads.number[games]
-        if len(games) and (number != number[0]).any():
+        modes = self.movement.modes_of(agents)
+        if len(modes) > 1 or (len(games) and (number != number[0]).any()):
             if self._of_maps is None:
                 self._of_maps = MapData(MultiMapStreets(self.streets), self.movement, self.roads.shared)
             return self._of_maps
         roads = self.roads.of(int(games[0])) if len(games) else None
+        if roads is not None:
+            self.roads.use(roads)
+        roads = self.roads.for_mode(roads, int(modes[0])) if len(modes) else roads
         if roads is None:
             return MapData(self.streets, self.movement.at_start(), self.shared)
-        self.roads.use(roads)
         if roads.world is None:
             roads.world = MapData(roads.streets, self.movement.on(roads), roads.shared)
         found: MapData = roads.world
@@ -946,7 +953,7 @@ class GameArrays(BatchColumns):
             self.headings[:] = headings
             for undo_log in undo_logs:
                 undo_log()
-            self.movement.roads = self.roads if self.roads.are_closed else None
+            self.movement.take_roads()
             self.now.clear()
 
         return undo

@@ -332,7 +332,7 @@ class AskedSteps:
             drawn: (games, agents) how many numbers each has drawn in this turn; it is updated.
         """
         roads = self._state.roads
-        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+        if (self._tables is not None or roads.differ) and self._tables is not roads.tables:
             self._tables = roads.tables
             self._first_node[:] = roads.tables.first
             self._steps.take_roads(roads.tables)

@@ -146,7 +146,7 @@ class RoadDistances:
         roads = self._roads
         if self._core is None:
             self._core = make_distances([roads.streets])
-        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+        if (self._tables is not None or roads.differ) and self._tables is not roads.tables:
             self._tables = roads.tables
             self.first[:] = self._tables.first
             offsets, tails, lengths = roads.arcs_of(self._tables.maps, "length", reverse=True)

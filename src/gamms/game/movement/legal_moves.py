@@ -21,7 +21,7 @@ from gamms.game.movement.roads import OpenRoads, RoadMap, RoadTables, refuse_sev
 from gamms.game.movement.routes import RouteTable, shared_routes
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, map_of
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, find_usable_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
@@ -72,6 +72,7 @@ class Movement:
         speeds: the speeds of agents in the order of the roster, None for one edge in a turn; None instead: legal nodes
             do not depend on speeds.
         terms: the costs and times of travel by metres; None: speeds count edges.
+        modes: the mode of each agent, by which it may use edges; None: all edges.
         are_all_legal: whether agents may move to any node in a turn; by metres, they are never on edges.
 
     Attributes:
@@ -79,6 +80,8 @@ class Movement:
         depends_on_speeds: whether legal nodes depend on speeds and on the positions of agents on edges.
         paces: (agents,) the speeds, in edges at most the number of nodes; NaN: along one edge.
         is_paced: (agents,) whether each agent has a speed.
+        modes: the modes of agents.
+        mode_of: (agents,) the number of each agent's mode, from 1; 0: it may use all edges.
         by_metres: whether agents may be anywhere on edges, and move by speeds in metres.
         leaves_nodes: whether agents may be off the nodes.
         all_roads: the open roads of each game.
@@ -109,6 +112,7 @@ class Movement:
         *,
         speeds: Sequence[float | None] | None = None,
         terms: TravelTerms | None = None,
+        modes: Sequence[str | None] = (),
         are_all_legal: bool = False,
     ) -> None:
         self.streets = streets
@@ -122,6 +126,10 @@ class Movement:
         most = np.inf if self.by_metres else streets.num_nodes
         self.paces = np.array([np.nan if speed is None else min(speed, most) for speed in speeds or ()], np.float64)
         self.is_paced = ~np.isnan(self.paces)
+        self.modes = [*dict.fromkeys(mode for mode in modes if mode is not None)]
+        number_of: dict[str | None, int] = {mode: number for number, mode in enumerate(self.modes, 1)}
+        of_each = modes or [None] * len(self.paces)
+        self.mode_of = np.array([number_of.get(mode, 0) for mode in of_each], np.int64)
         self._terms = terms
         self._tables: dict[str | None, RouteTable] = {}
 
@@ -195,13 +203,22 @@ class Movement:
         own.leaves_nodes = True
         return own
 
-    def _each_map(self, games: IntArray) -> Iterator[tuple[Self, IntArray]]:
-        """Yield the movement on each map of some games, and the indices of its games."""
+    def _each_map(self, games: IntArray, modes: IntArray | None = None) -> Iterator[tuple[Self, IntArray]]:
+        """Yield the movement on each map of some games, for each mode, and the indices of its games.
+
+        Args:
+            games: the numbers of the games.
+            modes: the numbers of the modes of an agent of each; None: agents may use all edges.
+        """
         for roads, places in self.all_roads.by_map(games):
-            if roads is None:
-                yield self.at_start(), places
-            else:
-                yield kept_in(roads.shared, "movement", partial(self.on, roads)), places
+            of_each = np.zeros(len(places), np.int64) if modes is None else modes[places]
+            for mode in np.unique(of_each).tolist():
+                one = self.all_roads.for_mode(roads, mode)
+                chosen = places[of_each == mode]
+                if one is None:
+                    yield self.at_start(), chosen
+                else:
+                    yield kept_in(one.shared, "movement", partial(self.on, one)), chosen
 
     def routes(self, weight: str | None) -> RouteTable:
         """Return the tables of paths along `streets`, by an edge weight.
@@ -219,11 +236,21 @@ class Movement:
 
     def begin(self, edge: IntArray, share: FloatArray, motion: IntArray, time: FloatArray) -> None:
         """Begin games with the roads of the map open, given the columns that say where agents are on edges."""
-        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time))
+        may_use = [find_usable_edges(self.columns, mode) for mode in self.modes]
+        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time), may_use)
+        self.take_roads()
         self.edge = edge
         self.share = share
         self.motion = motion
         self.time = time
+
+    def modes_of(self, agents: IntArray) -> IntArray:
+        """Return the numbers of the modes of agents, each once; none in games without modes."""
+        return np.unique(self.mode_of[agents]) if self.modes else np.zeros(0, np.int64)
+
+    def take_roads(self) -> None:
+        """Follow the present maps of the games."""
+        self.roads = self.all_roads if self.all_roads.differ else None
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Reset the covered parts of edges."""
@@ -402,7 +429,7 @@ class Movement:
     def are_plain(self, agents: IntArray) -> bool:
         """Return whether the legal moves of agents, by their numbers, are those of `streets` in all games."""
         if self.acts_by_paths:
-            return not (self.leaves_nodes or self.is_paced[agents].any())
+            return self.roads is None and not (self.leaves_nodes or self.is_paced[agents].any())
         return self.is_plain and self.roads is None
 
     def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
@@ -510,7 +537,7 @@ class Movement:
             return self._find_on_map(here, games, agents)
         parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
         order = [np.zeros(0, np.int64)]
-        for movement, places in self._each_map(games):
+        for movement, places in self._each_map(games, self.mode_of[agents]):
             parts.append(movement._find_on_map(here[places], games[places], agents[places]))
             order.append(places)
         back = np.argsort(np.concatenate(order), kind="stable")

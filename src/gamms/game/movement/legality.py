@@ -13,7 +13,7 @@ from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, paths_of_one
+from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, graph_of, paths_of_one
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.graph import IntArray
@@ -122,18 +122,39 @@ class Legality:
     Args:
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
+        mode: the edge attribute that says which edges the agents may use; None: those with any mode, see `of`.
+
+    Attributes:
+        travel: the paths of agents by metres.
     """
 
-    def __init__(self, ctx: HostContext, settings: Settings) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings, mode: str | None = None) -> None:
         self._ctx = ctx
         self._settings = settings
-        self.travel = Travel(ctx, settings)
+        self._mode = mode
+        self._of_modes: dict[str, Legality] = {}
+        self.travel = Travel(ctx, settings, mode)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
         self._walking: MultiEdgeMoves | None = None
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
+    def of(self, mover: AgentSlot) -> "Legality":
+        """Return the legality of the actions of agents with the mode of an agent."""
+        mode = mover.mode
+        if mode == self._mode:
+            return self
+        assert mode is not None  # noqa: S101 - agents without a mode ask this object
+        if mode not in self._of_modes:
+            self._of_modes[mode] = Legality(self._ctx, self._settings, mode)
+        return self._of_modes[mode]
+
+    @property
+    def _graph(self) -> Any:  # Any: see `graph_of`
+        """The graph of the edges that the agents may use."""
+        return graph_of(self._ctx, self._mode)
+
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
-        """Return the move that an action leads to; the path of an agent by metres is then in `travel`.
+        """Return the move that an action leads to; the path of an agent by metres is then in `travel` of its mode.
 
         Raises:
             GammsError: the action is malformed or not legal; the message says why.
@@ -155,14 +176,15 @@ class Legality:
         if isinstance(action, dict):
             heading = heading_in(action)
             action = action["node_id"]
+        own = self.of(mover)
         if mover.travels and action is None:
-            resolved = self.travelled(mover, here, None)
+            resolved = own.travelled(mover, here, None)
         elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
             nodes = list(map(self._node, action))
-            resolved = self.travelled(mover, here, nodes) if mover.travels else self.walked(mover, here, nodes, True)
+            resolved = own.travelled(mover, here, nodes) if mover.travels else own.walked(mover, here, nodes, True)
         else:
             node = self._node(action)
-            resolved = self.travelled(mover, here, node) if mover.travels else self.walked(mover, here, [node], False)
+            resolved = own.travelled(mover, here, node) if mover.travels else own.walked(mover, here, [node], False)
         if heading == () and deeds is None:
             return resolved
         return resolved._replace(heading=heading, deeds=deeds)
@@ -194,15 +216,15 @@ class Legality:
         """Return the ids of the legal nodes of an agent in this turn, its own first; () for an agent that flies."""
         if mover.flies:
             return ()
-        graph = self._ctx.graph.graph
         if mover.is_plain:
-            return tuple(graph.neighborhoods[here])
+            return tuple(self._ctx.graph.graph.neighborhoods[here])
+        own = self.of(mover)
         if mover.travels:
-            self.travel.prepare(mover.row)
-            return self.travel.legal(here, self.travel.place(mover.row), mover.speed)
+            own.travel.prepare(mover.row)
+            return own.travel.legal(here, own.travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
-        return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
+        return own.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
 
     def _anywhere(self, here: int) -> tuple[int, ...]:
         """Return all nodes, the agent's own first."""
@@ -216,9 +238,10 @@ class Legality:
     @property
     def streets(self) -> StreetGraph:
         """The legal moves along one edge, as arrays."""
-        columns = self._ctx.graph.graph.columns()
+        graph = self._graph
+        columns = graph.columns()
         if self._streets is None or self._streets.columns is not columns:
-            self._streets = StreetGraph(columns, self._ctx.graph.routes)
+            self._streets = StreetGraph(columns, graph.routes)
         return self._streets
 
     @property
@@ -246,12 +269,17 @@ class Legality:
     def _checked_path(self, here: int, path: list[int]) -> list[int]:
         """Return an action's list of nodes without the agent's own node (BadValue: an edge is missing)."""
         path = path[1:] if path and path[0] == here else path
-        near = self._ctx.graph.graph.neighborhoods
+        near = self._graph.neighborhoods
         if self._settings.legal == "edges":
             for start, end in zip([here, *path], path, strict=False):
                 if end not in near[start]:
-                    raise BadValue(f"No edge leads from node {start} to node {end}.")
+                    raise BadValue(f"{self._no_edge} from node {start} to node {end}.")
         return path
+
+    @property
+    def _no_edge(self) -> str:
+        """The beginning of a message that an edge is missing."""
+        return "No edge leads" if self._mode is None else f"No edge that mode {self._mode!r} may use leads"
 
     def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
         """Return the move along a path, or along the shortest path to its only node, as far as it goes in this turn."""
@@ -261,7 +289,7 @@ class Legality:
         if self._settings.legal == "any":
             return ResolvedAction(path[-1], (here, *path))
         if mover.speed is None:
-            near = self._ctx.graph.graph.neighborhoods[here]
+            near = self._graph.neighborhoods[here]
             if len(path) > 1 or path[0] not in near:
                 raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
             return ResolvedAction(path[0], (here, path[0]))

@@ -34,16 +34,19 @@ class RoadTables(NamedTuple):
     """The legal nodes on all maps of the games, concatenated.
 
     Attributes:
-        maps: the map of the start, which is None, then the other maps of the games.
+        maps: the map of the start, which is None, then the other maps of the games; then, for each mode, the same maps
+            with the edges that it may use.
         first: (games,) the index of the first node of each game's map.
         offsets: (maps * nodes + 1,) the legal nodes at index `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes.
+        stride: the number of nodes of the maps for one mode, or for agents without a mode.
     """
 
     maps: list["RoadMap | None"]
     first: IntArray
     offsets: IntArray
     targets: IntArray
+    stride: int
 
     def moved(self, before: Sequence["RoadMap | None"]) -> IntArray:
         """Return the index of the first node of each of some other maps, (maps,); -1: it is not among the maps."""
@@ -55,7 +58,8 @@ class RoadTables(NamedTuple):
 def join_streets(maps: Sequence[StreetGraph]) -> RoadTables:
     """Return the legal nodes on several maps, each of which may have other nodes; `first` is (maps,)."""
     first = np.cumsum([0, *(one.num_nodes for one in maps[:-1])])
-    return RoadTables([None] * len(maps), first, *_joined([(one.offsets, one.targets) for one in maps]))
+    offsets, targets = _joined([(one.offsets, one.targets) for one in maps])
+    return RoadTables([None] * len(maps), first, offsets, targets, len(offsets) - 1)
 
 
 class RoadMap:
@@ -70,6 +74,7 @@ class RoadMap:
 
     Attributes:
         shared: data computed for this map; see `GameArrays`.
+        of_modes: this map with the edges that each mode may use, as far as they were asked for.
         snapshot: the map of a context, as `ctx.graph.storage.snapshot` returns it; None: no rule has made it.
     """
 
@@ -84,6 +89,7 @@ class RoadMap:
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games on this map; see `GameArrays.world`
         self.snapshot: Any = None
+        self.of_modes: dict[int, RoadMap] = {}
 
     def forget(self) -> None:
         """Drop the computed data; they are computed again on demand."""
@@ -147,6 +153,30 @@ class RoadMap:
         return with_edges(columns, rows, offsets, out_edges)
 
 
+class ModeMap(RoadMap):
+    """A map with the edges that a mode may use.
+
+    Args:
+        roads: the roads of all games.
+        base: the map with all open edges; None: the map of the start.
+        may_use: (edges,) whether the mode may use each edge of `roads.whole`.
+    """
+
+    def __init__(self, roads: "OpenRoads", base: RoadMap | None, may_use: BoolArray) -> None:
+        at_start = len(roads.streets.columns.edge_ids)
+        gone = np.zeros(0, np.int64) if base is None else base.gone
+        opened = np.zeros(0, np.int64) if base is None else base.opened
+        unused = np.union1d(gone, np.flatnonzero(~may_use[:at_start]))
+        closed = roads.closed_at_start if base is None else base.closed
+        super().__init__(roads, 0 if base is None else base.number, unused, opened[may_use[opened]], closed)
+        self._base = base
+
+    @cached_property
+    def is_removed(self) -> BoolArray:
+        """Whether each edge is neither open nor closed, (edges,), whatever the mode may use."""
+        return np.zeros(len(self._whole.columns.edge_ids), np.bool_) if self._base is None else self._base.is_removed
+
+
 def _others(rows: IntArray, size: int) -> IntArray:
     """Return the numbers below `size` that are not in `rows`, ascending."""
     is_other = np.ones(size, np.bool_)
@@ -195,19 +225,31 @@ class OpenRoads:
         whole: the graph with all roads open; edges that were closed at the start follow all others.
         closed: the edges that were closed at the start.
         games: the number of games.
+        modes: (edges,) whether each mode may use each edge of `whole`.
 
     Attributes:
         streets, whole: as given.
+        closed_at_start: the argument `closed`.
         number: (games,) the number of each game's map; 0: the map of the start.
         are_closed: whether the map of any game differs from the start.
+        differ: whether agents may use different edges, because roads are closed or agents have modes.
         shared: data computed for all maps together.
         searches: the searches by which rules in the core find distances along roads, each with its weight.
     """
 
-    def __init__(self, streets: StreetGraph, whole: StreetGraph, closed: ClosedEdges, games: int) -> None:
+    def __init__(
+        self,
+        streets: StreetGraph,
+        whole: StreetGraph,
+        closed: ClosedEdges,
+        games: int,
+        modes: Sequence[BoolArray] = (),
+    ) -> None:
         self.streets = streets
         self.whole = whole
-        self._closed = closed
+        self.closed_at_start = closed
+        self._modes = modes
+        self._of_modes: dict[int, RoadMap] = {}  # of the map of the start; see `RoadMap.of_modes`
         self.are_closed = False
         self.number = np.zeros(games, np.int64)
         self._maps: list[RoadMap | None] = [None] * games
@@ -230,6 +272,20 @@ class OpenRoads:
     def of(self, game: int) -> RoadMap | None:
         """Return the map of a game; None: the map of the start."""
         return self._maps[game]
+
+    @property
+    def differ(self) -> bool:
+        """Whether agents may use different edges."""
+        return self.are_closed or len(self._modes) > 0
+
+    def for_mode(self, base: RoadMap | None, mode: int) -> RoadMap | None:
+        """Return a map with the edges that a mode may use, by its number from 1; 0: all."""
+        if mode == 0:
+            return base
+        known = self._of_modes if base is None else base.of_modes
+        if mode not in known:
+            known[mode] = ModeMap(self, base, self._modes[mode - 1])
+        return known[mode]
 
     def put(self, games: IntArray, roads: RoadMap | None) -> None:
         """Set the map of games; None: the map of the start."""
@@ -303,8 +359,10 @@ class OpenRoads:
             numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
             maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
             several = [maps[number] for number in numbers.tolist()]
-            legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in several]
-            self._tables = RoadTables(several, slots[1:] * self.streets.num_nodes, *_joined(legal))
+            every = [self.for_mode(one, mode) for mode in range(len(self._modes) + 1) for one in several]
+            legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in every]
+            nodes = self.streets.num_nodes
+            self._tables = RoadTables(every, slots[1:] * nodes, *_joined(legal), len(several) * nodes)
         return self._tables
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
@@ -336,7 +394,7 @@ class OpenRoads:
         return self._map_of(rows, closed)
 
     def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
-        opened = np.array([id for id in self._closed if id not in closed], np.int64)
+        opened = np.array([id for id in self.closed_at_start if id not in closed], np.int64)
         if (self._rows_of(opened) < self._at_start).any():
             raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
         is_later = (np.diff(rows, prepend=-1) < 0) | (rows >= self._at_start)
@@ -344,7 +402,7 @@ class OpenRoads:
         return self._map(_others(rows[:in_place], self._at_start), rows[in_place:], closed)
 
     def _map(self, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> RoadMap | None:
-        if not len(gone) and not len(opened) and [*closed] == [*self._closed]:
+        if not len(gone) and not len(opened) and [*closed] == [*self.closed_at_start]:
             return None
         roads = RoadMap(self, self._last + 1, gone, opened, closed)
         known = self._known.get(roads.key)
@@ -367,8 +425,8 @@ class OpenRoads:
 def refuse_several_maps(what: str) -> NoReturn:
     """Raise an error for a query whose answer differs between maps."""
     raise DifferingRoads(
-        f"{what} differs between these games, in which other roads are closed: ask for games with the same roads, by "
-        "view.in_games(which)."
+        f"{what} differs between these games, in which other roads are closed, or between these agents, which have "
+        "several modes: ask for games with the same roads, by view.in_games(which), and for agents of one mode."
     )
 
 

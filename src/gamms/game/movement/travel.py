@@ -22,9 +22,10 @@ from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Quat
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.typing.context import HostContext
+from gamms.typing.context import HostContext, IContext
 from gamms.typing.game import Leg, Track
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
@@ -456,16 +457,18 @@ class PathFinder:
     Args:
         columns: the columns of the graph.
         costs: (edges,) the costs by which agents choose paths.
+        edges_at: the edges that agents may use out of each node and into each node; None: all.
 
     Attributes:
         ids: node ids by row.
         reach: working memory, with the nodes found last.
     """
 
-    def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
+    def __init__(self, columns: GraphColumns, costs: FloatArray, edges_at: EdgesAt | None = None) -> None:
         self.ids: list[int] = columns.node_ids.tolist()
         self._columns = columns
         self._costs = costs
+        self._edges_at = edges_at
         self._row_of = RowsOfIds("node", self.ids)
         self.reach = ReachableNodes(len(self.ids))
         self._found = self.reach.nodes.data
@@ -489,7 +492,8 @@ class PathFinder:
         """Return the paths of agents, with room for an agent of this row."""
         if self._ways is None or agent >= self._agents:
             self._agents = 2 * agent + 2
-            self._ways = StoredPaths(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
+            paths = StoredPaths(self._columns, self._costs, self._agents, _REMEMBERED, self._edges_at)
+            self._ways = paths.plain_ways(self.reach)
         return self._ways
 
 
@@ -550,14 +554,21 @@ class RoadMap(PathFinder, RoadIds):
         weight: the edge weight by which agents choose paths.
         seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
-
+        mode: the edge attribute that says which edges agents may use; None: all.
     """
 
     def __init__(
-        self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
+        self,
+        graph: IGraph,
+        columns: GraphColumns,
+        weight: str | None,
+        seconds: Any,
+        turn_seconds: float,
+        mode: str | None = None,
     ) -> None:
-        PathFinder.__init__(self, columns, graph.weights(weight))
-        roads = map_of(columns, self._costs, seconds, turn_seconds)
+        edges_at = None if mode is None else find_edges_at(columns, mode)
+        PathFinder.__init__(self, columns, graph.weights(weight), edges_at)
+        roads = map_of(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
         edge_ids = columns.edge_ids.tolist()
         self.edge_rows = RowsOfIds("edge", edge_ids)
@@ -590,10 +601,22 @@ class RoadMap(PathFinder, RoadIds):
         return None if row is None else placed(place, self._columns.lengths.item(row), self.lines[row])
 
 
+def find_edges_at(columns: GraphColumns, mode: str) -> EdgesAt:
+    """Return the edges that a mode may use out of each node and into each node, as offsets (nodes + 1,) and rows."""
+    may_use = find_usable_edges(columns, mode)
+    entering = kernels.group_rows(columns.targets, len(columns.node_ids))
+    return _chosen(may_use, (columns.offsets, columns.out_edges)), _chosen(may_use, entering)
+
+
 def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
     """Return offsets and rows of edges without edges of infinite cost."""
+    return _chosen(np.isfinite(costs), edges_at)
+
+
+def _chosen(which: BoolArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+    """Return offsets and rows of the edges of a mask (edges,)."""
     offsets, edges = edges_at
-    kept = np.isfinite(costs)[edges]
+    kept = which[edges]
     return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
 
 
@@ -620,11 +643,13 @@ class Travel(TravelSearch):
     Args:
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
+        mode: the edge attribute that says which edges the agents may use; None: all.
     """
 
-    def __init__(self, ctx: HostContext, settings: Settings) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings, mode: str | None = None) -> None:
         super().__init__()
         self._ctx = ctx
+        self._mode = mode
         self._settings = settings
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
@@ -641,7 +666,7 @@ class Travel(TravelSearch):
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
             has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
             seconds = graph.weights(settings.weight) if has_speeds else None
-            roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
+            roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds, self._mode)
             self._roads = roads
             self.found_on = roads
             self._key = key
@@ -713,7 +738,7 @@ class Travel(TravelSearch):
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
-        near = self._ctx.graph.graph.neighborhoods[here]
+        near = graph_of(self._ctx, self._mode).neighborhoods[here]
         if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
@@ -723,6 +748,11 @@ class Travel(TravelSearch):
         self._trips = paths_of_one(most)
         self._route = self._trips.route
         self.take_trips(self._trips)
+
+
+def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
+    """Return the graph of the edges that the agents of a mode may use; None: the whole graph."""
+    return ctx.graph.graph if mode is None else ctx.graph.routes.select_mode(mode)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:

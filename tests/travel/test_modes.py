@@ -1,0 +1,224 @@
+"""Agents with a mode use only the edges that their mode may use; everything that they do follows."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms import strategies
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.ir.graph import find_usable_edges
+from gamms.rules import Conflicts, at_random, tag
+from gamms.sensor import agent_range
+
+LAWS = settings(
+    max_examples=12,
+    deadline=None,
+    derandomize=True,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow],
+)
+NODES = 12
+DECIDING = {
+    "walk": lambda ctx: strategies.random_walk,
+    "chase": lambda ctx: strategies.chase(ctx, otherwise=strategies.random_walk),
+    "flee": lambda ctx: strategies.flee(ctx, otherwise=strategies.random_walk),
+    "goto": lambda ctx: strategies.goto(ctx, 7, otherwise=strategies.random_walk),
+    "patrol": lambda ctx: strategies.patrol(ctx, [0, 5, 11]),
+    "waypoints": strategies.random_waypoints,
+    "guard": lambda ctx: strategies.guard(ctx, 4, 30.0),
+    "intercept": lambda ctx: strategies.intercept(ctx, [2, 9]),
+    "confine": strategies.intercept,
+    "exit": lambda ctx: strategies.safest_exit(ctx, [3, 8]),
+    "sweep": strategies.sweep,
+    "assign": strategies.assign,
+}
+UNITS = {"edges": [None, 1.5, 2], "metres": [None, 8.0, 25.0], "one edge": [None]}
+VALUES = [True, False, 0, 30, 0.0, 12.5, None]
+
+
+def reference(value):
+    """Return whether an edge may be used, in the words of the documentation."""
+    return value is True or (value is not None and value is not False and value > 0)
+
+
+@st.composite
+def maps(draw):
+    """Nodes on a plane, and edges between them: (source, target, length, what their attribute says)."""
+    node = st.integers(0, NODES - 1)
+    edge = st.tuples(node, node, st.sampled_from([5.0, 10.0, 14.0]), st.sampled_from(VALUES))
+    loop = [(i, (i + 1) % NODES, 10.0, draw(st.sampled_from(VALUES))) for i in range(NODES)]
+    return [*loop, *draw(st.lists(edge, min_size=6, max_size=40)), (0, 1, 10.0, True), (1, 0, 10.0, 3)]
+
+
+def open_map(edges, *, is_cut):
+    """Return a context with a map, with the edges that may be used only if it is cut."""
+    ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
+    angles = np.linspace(0, 6, NODES)
+    ctx.graph.add_nodes(range(NODES), 20 * np.cos(angles), 20 * np.sin(angles))
+    for id, (source, target, length, value) in enumerate(edges):
+        if not is_cut or reference(value):
+            given = {"id": id, "source": source, "target": target, "length": length}
+            ctx.graph.add_edge(given if value is None else given | {"car": value})
+    return ctx
+
+
+def open_game(edges, agents, unit, *, is_cut, conflicts=None):
+    """Return a context with a game, in which all agents have the mode, or the map has no other edges."""
+    ctx = open_map(edges, is_cut=is_cut)
+    ctx.game.speed_unit = "metres" if unit == "metres" else "edges"
+    ctx.game.conflicts = conflicts
+    for number, (name, node, speed) in enumerate(agents):
+        ctx.agent.create_agent(
+            f"a{number}",
+            start_node_id=node,
+            team="rb"[number % 2],
+            strategy=DECIDING[name](ctx),
+            sensors={"eyes": agent_range(range_m=25)},
+            mode=None if is_cut else "car",
+            **({} if speed is None else {"speed": speed}),
+        )
+    ctx.game.add(tag("r", "b"))
+    return ctx
+
+
+def play(ctx, turns=8):
+    """Return where agents were after each turn, what was legal, and what went wrong."""
+    found = []
+    with ctx:
+        for _ in range(turns):
+            ctx.game.step()
+            for agent in ctx.agent.create_iter():
+                legal = agent.state.get("legal")
+                found.append((agent.name, agent.alive, agent.current_node_id, agent.edge, agent.offset_m, legal))
+        errors = [(one["turn"], one["agent"]) for one in ctx.game.result().errors]
+        return found, ctx.game.result().scores, errors
+
+
+@pytest.mark.parametrize("unit", sorted(UNITS))
+@LAWS
+@given(data=st.data(), edges=maps())
+def test_a_game_in_which_all_have_a_mode_is_the_game_on_the_map_of_the_mode(unit, data, edges):
+    agent = st.tuples(st.sampled_from(sorted(DECIDING)), st.integers(0, NODES - 1), st.sampled_from(UNITS[unit]))
+    agents = data.draw(st.lists(agent, min_size=2, max_size=5))
+    conflicts = data.draw(st.sampled_from([None, Conflicts(1, resolve=at_random())]))
+    games = [open_game(edges, agents, unit, is_cut=is_cut, conflicts=conflicts) for is_cut in (False, True)]
+    assert play(games[0]) == play(games[1])
+
+
+@LAWS
+@given(edges=maps())
+def test_the_graph_of_a_mode_has_the_edges_where_the_attribute_is_true_or_above_zero(edges):
+    with open_map(edges, is_cut=False) as ctx, open_map(edges, is_cut=True) as cut:
+        graph = ctx.graph.routes.select_mode("car")
+        assert [*graph.get_edges()] == [*cut.graph.get_edges()]
+        assert [graph.neighborhoods[node] for node in range(NODES)] == [
+            cut.graph.graph.neighborhoods[node] for node in range(NODES)
+        ]
+        for node in range(NODES):
+            assert graph.distance(0, node) == cut.graph.distance(0, node)
+        assert find_usable_edges(ctx.graph.columns(), "car").sum() == len([*cut.graph.get_edges()])
+
+
+def test_agents_of_several_modes_use_their_own_edges_at_any_time():
+    rng = np.random.default_rng(5)
+    with gamms.create_context(seed=2) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5, spacing=10.0))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "car": bool(rng.random() < 0.6), "foot": float(rng.random() < 0.8)})
+        ctx.game.speed_unit = "metres"
+        modes = ["car", "foot", None]
+        for number, mode in enumerate(modes):
+            ctx.agent.create_agent(
+                f"a{number}", start_node_id=12, mode=mode, speed=17.0, strategy=strategies.random_walk
+            )
+        may_use = {mode: {*ctx.graph.routes.select_mode(mode).get_edges()} for mode in modes[:2]}
+        may_use[None] = {*ctx.graph.get_edges()}
+        used = set()
+        for _ in range(60):
+            ctx.game.step()
+            for number, mode in enumerate(modes):
+                edges = {leg.edge for leg in ctx.game.moves[f"a{number}"].legs}
+                assert edges <= may_use[mode]
+                used |= {(mode, edge) for edge in edges}
+        assert len(used) > 30
+
+
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_an_action_along_edges_that_the_mode_may_not_use_is_illegal(unit):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes([0, 1], [0.0, 10.0], [0.0, 0.0])
+        ctx.graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 10.0, "car": 0})
+        ctx.graph.add_edge({"id": 1, "source": 1, "target": 0, "length": 10.0, "car": 50})
+        ctx.game.speed_unit = unit
+        agent = ctx.agent.create_agent(
+            "a", start_node_id=0, mode="car", strategy=lambda state: state.update(action=1), speed=20.0
+        )
+        ctx.game.step()
+        assert agent.state["legal"] == (0,)
+        assert agent.current_node_id == 0
+        assert [error["kind"] for error in ctx.game.result().errors] == ["illegal"]
+
+
+def test_a_mode_that_is_no_attribute_is_refused_with_the_nearest_name():
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "drive": 30.0, "name": "Main Street"})
+        with pytest.raises(UnknownName, match=r"Unknown mode 'driv'. Did you mean 'drive'?"):
+            ctx.agent.create_agent("a", start_node_id=0, mode="driv")
+        with pytest.raises(BadValue, match=r"'name' is no mode: of edge 0 it is 'Main Street'"):
+            ctx.agent.create_agent("a", start_node_id=0, mode={"attribute": "name"})
+        with pytest.raises(BadType, match="not 3"):
+            ctx.agent.create_agent("a", start_node_id=0, mode=3)
+        with pytest.raises(BadValue, match="flies over all edges"):
+            ctx.agent.create_agent("a", start_node_id=0, mode="drive", type="AERIAL", speed=1.0)
+        assert not ctx.agent.agents
+        agent = ctx.agent.create_agent("a", start_node_id=0, mode={"attribute": "drive"})
+        with pytest.raises(AttributeError, match="fixed when the agent is created"):
+            agent.mode = None
+        assert agent.mode == "drive"
+
+
+@pytest.mark.parametrize("setting", [{"legal": "any"}, {"speed_unit": "metres", "decide": "arrival"}])
+def test_games_that_cannot_follow_a_mode_refuse_it(setting):
+    with gamms.create_context(game=setting) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "drive": True})
+        ctx.agent.create_agent("a", start_node_id=0, mode="drive", strategy=strategies.random_walk)
+        with pytest.raises(BadValue, match="Agents have mode="):
+            ctx.game.step()
+
+
+def test_a_keyword_whose_text_names_an_edge_attribute_warns_once_that_it_changes_no_route(caplog):
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.graph.update_edge({"id": 0, "car_cost": 2.0})
+        for name in "abc":
+            ctx.agent.create_agent(name, start_node_id=0, weight="car_cost", color="red")
+        assert ctx.agent.get_agent("a").weight == "car_cost"
+    told = [record.message for record in caplog.records if "changes no route" in record.message]
+    assert len(told) == 1
+    assert "mode='car_cost'" in told[0]
+
+
+def test_a_recording_and_a_fork_keep_the_modes_of_agents(tmp_path):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "drive": edge % 3})
+        agent = ctx.agent.create_agent("a", start_node_id=0, mode="drive", strategy=strategies.random_walk)
+        ctx.record.start(tmp_path / "game.ggr")
+        for _ in range(5):
+            ctx.game.step()
+        ctx.record.stop()
+        with ctx.game.fork(0).ctx as fork:
+            assert fork.agent.get_agent("a").mode == "drive"
+            fork.game.step()
+            ctx.game.step()
+            assert fork.agent.get_agent("a").current_node_id == agent.current_node_id
+    with gamms.create_context(seed=1) as again:
+        for _ in again.record.replay(tmp_path / "game.ggr"):
+            assert again.agent.get_agent("a").mode == "drive"
