@@ -474,8 +474,6 @@ def create_context(
     if seed is not None:
         ctx._seed = as_int(seed, "seed")
         ctx.is_seeded = True
-    if game is not None:
-        ctx.game.configure(game)
     ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
     try:
         path = _database_path(graph_engine, graph_path)
@@ -486,6 +484,8 @@ def create_context(
             ctx._shows_nothing = True
         else:
             ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
+        if game is not None:
+            ctx.game.configure(game)
     except BaseException:
         ctx.internal_context.terminate()
         raise

@@ -1,10 +1,13 @@
 """Deeds of array strategies: the same in batches and in games alone, and checked when they are done."""
 
 import pytest
-from batch_scenes import scene
+from batch_scenes import assert_as_alone, scene
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.rules import cooldown, respawn, tag
 
 DEEDS = {
     "scan": {"node": "node"},
@@ -53,3 +56,88 @@ def test_an_agent_does_a_deed_once_in_a_turn():
             games.step()
         with pytest.raises(BadValue, match="not for games"):
             games.observe("red").do("count", True, to=3)
+
+
+# -- deeds that last ----------------------------------------------------------------------------------------------
+
+
+def tinker(state):
+    """Fix nodes, rest and walk about at random, and say what the state shows of it."""
+    draw = state["draw"]
+    do = {"say": {"doing": state["doing"]}}
+    if draw.random() < 0.5:
+        do["fix"] = {"node": draw.below(3)}
+    if draw.random() < 0.2:
+        do["rest"] = None
+    state["action"] = {"node_id": draw.choice(state["legal"]) if draw.random() < 0.6 else state["curr_pos"], "do": do}
+
+
+def noise(ctx):
+    """Interrupt the agents on node 6, in the middle of the turn."""
+    for agent in ctx.game.agents:
+        if agent.current_node_id == 6:
+            ctx.game.emit("noise", agent=agent.name, time=ctx.game.turn - 0.5)
+
+
+def count_fixes(ctx):
+    for deed in ctx.game.performed("fix"):
+        ctx.game.scores[deed.team] += deed.values["time"] - deed.values["since"]
+
+
+RULES_OF_LASTING = [
+    tag("red", "blue"),
+    tag("blue", "red", hops=1, then="eliminate"),
+    respawn(2),
+    noise,
+    count_fixes,
+    cooldown("rest", 2),
+]
+
+
+@st.composite
+def lasting_games(draw):
+    """Settings, speeds and rules of a game in which agents do deeds that last."""
+    how = {
+        "interrupted_by": sorted(draw(st.sets(st.sampled_from(["move", "tag", "noise"])))),
+        "on_interrupt": draw(st.sampled_from(["resume", "restart"])),
+        "blocks_moving": draw(st.booleans()),
+    }
+    unit = draw(st.sampled_from(["edges", "metres", "metres_per_second"]))
+    fix = {"fields": {"node": "node"}, "seconds": draw(st.sampled_from([0.75, 2.0, 5.0])), **how}
+    rest = {"fields": {}, "turns": draw(st.sampled_from([0.3, 1, 2.5])), "interrupted_by": ["tag"]}
+    given = {
+        "deeds": {"fix": fix, "rest": rest, "say": {"doing": "value?"}},
+        "speed_unit": unit,
+        "turn_seconds": draw(st.sampled_from([1.0, 2.0])),
+        "order": draw(st.sampled_from([None, [["red"], ["blue"]]])),
+        "on_illegal": "stay",
+    }
+    speeds = [None, 2, 0.5] if unit == "edges" else [4, 13, 25]
+    rules = draw(st.permutations(RULES_OF_LASTING).map(lambda rules: rules[:4]))
+    return given, draw(st.lists(st.sampled_from(speeds), min_size=4, max_size=4)), rules
+
+
+@given(lasting_games())
+@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+def test_deeds_that_last_are_the_same_in_batches_and_in_games_alone(drawn):
+    given, speeds, rules = drawn
+    seen = {"begun": 0, "done": 0, "interrupted": 0}
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game=given) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for number, speed in enumerate(speeds):
+            team = ("red", "blue")[number % 2]
+            ctx.agent.create_agent(
+                f"{team}_{number}", start_node_id=2 * number, team=team, strategy=tinker, speed=speed
+            )
+        for rule in rules:
+            ctx.game.add(rule)
+        ctx.game.max_turns = 8
+        with ctx.game.batch(seeds=[3, 4, 5]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)
+            assert not games.detached
+            for number in range(3):
+                for event in games.result(number).events:
+                    if event["kind"] in seen:
+                        seen[event["kind"]] += 1
+    assert seen["begun"] >= seen["done"] + seen["interrupted"] > 0

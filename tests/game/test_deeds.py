@@ -3,9 +3,12 @@
 import io
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+from gamms.rules import tag, time_limit
 
 
 @pytest.fixture
@@ -246,3 +249,211 @@ def test_the_error_of_a_deed_at_an_unknown_node_does_not_say_that_there_are_none
     road.game.deeds = {"scan": {"node": "node"}}
     road.plans["ann"] = [{"node_id": 1, "do": {"scan": 99}}]
     assert road.game.run(1).errors[0]["message"].endswith("Unknown node as 'node' of the deed 'scan': 99.")
+
+
+# -- deeds that last ----------------------------------------------------------------------------------------------
+
+DEFUSE = {"fields": {"bomb": "node"}, "turns": 4, "interrupted_by": ["move", "tag"], "blocks_moving": True}
+
+
+def lasts(road, **more):
+    road.game.deeds = {"defuse": {**DEFUSE, **more}, "wait": None}
+
+
+def events_of(result, *kinds):
+    return [
+        (event["kind"], event["time"], *(event[key] for key in ("by", "left") if key in event))
+        for event in result.events
+        if event["kind"] in kinds
+    ]
+
+
+def test_a_deed_that_lasts_is_done_after_its_turns_by_an_agent_that_stays(road):
+    lasts(road)
+    road.plans["ann"] = [{"node_id": 1, "do": {"defuse": 3}}, 1, 1, 1, 1]
+    seen, done = [], []
+    ann = road.agent.get_agent("ann").strategy
+    road.agent.get_agent("ann").register_strategy(lambda state: (seen.append(state["doing"]), ann(state))[1])
+    road.game.add(lambda ctx: done.extend(ctx.game.performed("defuse")))
+    result = road.game.run(6)
+    begun = {"kind": "defuse", "since": 0.0, "values": {"bomb": 3}}
+    assert seen == [None, *({**begun, "left": left} for left in (3.0, 2.0, 1.0)), None, None]
+    assert result.deeds == [
+        {"turn": 4, "agent": "ann", "deed": "defuse", "at": 0, "bomb": 3, "since": 0.0, "time": 4.0}
+    ]
+    assert events_of(result, "begun", "done", "interrupted") == [("begun", 0.0), ("done", 4.0)]
+    assert [(deed.agent, deed.values["bomb"], deed.values["time"]) for deed in done] == [("ann", 3, 4.0)]
+    assert road.seen[2][2] == "it begins 'defuse'"
+    assert road.seen[4][2] == "it is doing 'defuse' until 4"
+    assert result.agents["ann"]["node"] == 1
+
+
+def test_a_declaration_of_a_deed_that_lasts_is_checked(road):
+    for declaration, message in (
+        ({"fields": {}, "turns": 1, "seconds": 1}, "either turns or seconds"),
+        ({"fields": {}, "blocks_moving": True}, "either turns or seconds"),
+        ({"fields": {}, "turns": 0}, "must be more than 0"),
+        ({"fields": {"since": "node"}, "turns": 1}, "which deeds that last have"),
+        ({"fields": {}, "turns": 1, "on_interrupt": "stop"}, "must be 'restart' or 'resume'"),
+        ({"fields": {}, "turns": 1, "interupted_by": ["tag"]}, "Did you mean 'interrupted_by'"),
+        ({"bomb": "node", "turns": 4}, "put its fields into fields"),
+    ):
+        with pytest.raises((BadValue, UnknownName), match=message):
+            road.game.deeds = {"defuse": declaration}
+    road.game.deeds = {"wait": {"fields": None}, "mark": {"fields": "text"}}  # both are done at once
+    assert not road.game.rules
+
+
+def test_two_deeds_that_last_are_not_done_at_once(road):
+    road.game.deeds = {"defuse": {**DEFUSE, "turns": 2}, "rest": {"fields": {}, "turns": 2}, "wait": None}
+    road.plans["ann"] = [{"do": {"defuse": 3, "rest": None}}, {"do": {"defuse": 4, "wait": None}}]
+    result = road.game.run(3)
+    assert [error["message"] for error in result.errors] == [
+        "rest: it begins 'defuse' in the same turn",
+        "defuse: it is doing 'defuse'",
+    ]
+    assert [(deed["deed"], deed["turn"]) for deed in result.deeds] == [("wait", 2), ("defuse", 2)]
+
+
+@given(st.integers(1, 9), st.floats(1.5, 40.0), st.floats(0.1, 60.0), st.floats(0.5, 9.0), st.booleans())
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_deed_is_interrupted_when_the_tagger_arrives(nodes, speed, seconds, turn_seconds, resumes):
+    how = {"seconds": seconds, "turns": None, "on_interrupt": "resume" if resumes else "restart"}
+    game = {
+        "deeds": {"defuse": {**DEFUSE, **how}},
+        "speed_unit": "metres_per_second",
+        "turn_seconds": turn_seconds,
+    }
+    with gamms.create_context(seed=3, logger_config={"level": "ERROR"}, game=game) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        work = lambda state: state.update(action={"do": {"defuse": 5}})
+        ctx.agent.create_agent("ann", start_node_id=0, team="red", strategy=work)
+        goto = gamms.strategies.goto(ctx, 0)
+        ctx.agent.create_agent("bob", start_node_id=nodes, team="blue", strategy=goto, speed=speed)
+        ctx.game.add(tag("blue", "red", then=lambda ctx, bob, ann: ctx.game.eliminate(bob)))
+        meet = 10.0 * nodes / speed / turn_seconds
+        full = seconds / turn_seconds
+        found = events_of(ctx.game.run(int(meet + full) + 3), "begun", "done", "interrupted")
+    expected = []
+    begun, left = 0, full
+    while begun <= meet + full + 1:
+        expected.append(("begun", float(begun)))
+        if begun <= meet < begun + left:
+            left -= meet - begun
+            expected.append(("interrupted", meet, "tag", left))
+            left = left if resumes else full
+            begun = int(meet) + 1
+        else:
+            expected.append(("done", begun + left))
+            begun, left = int(-(-(begun + left) // 1)), full
+    for one, other in zip(found, expected, strict=False):
+        assert (one[0], one[2:3]) == (other[0], other[2:3])
+        assert [*one[1:2], *one[3:]] == pytest.approx([*other[1:2], *other[3:]], abs=1e-9)
+    assert len(found) > 2
+
+
+@pytest.mark.parametrize(
+    ("order", "path", "time"),
+    [
+        (None, [1], 2.0),
+        (None, [0, 0, 1], 2.5),
+        ([["blue"], ["red"]], [1], 2.5),
+        ([["red"], ["blue"]], [0, 0, 1], 2.25),
+    ],
+)
+def test_a_deed_is_interrupted_when_its_agent_sets_out(road, order, path, time):
+    lasts(road, blocks_moving=False, on_interrupt="resume")
+    road.game.order = order
+    road.agent.get_agent("ann").speed = len(path)
+    road.plans["ann"] = [{"do": {"defuse": 3}}, 0, path, {"do": {"defuse": 3}}]
+    begun = 0.5 if order == [["blue"], ["red"]] else 0.0
+    found = events_of(road.game.run(6), "begun", "done", "interrupted")
+    assert found[:2] == [
+        ("begun", begun),
+        ("interrupted", pytest.approx(time), "move", pytest.approx(4 + begun - time)),
+    ]
+    assert found[2:] == [("begun", 3 + begun), ("done", pytest.approx(3 + begun + 4 + begun - time))]
+
+
+def test_agents_that_are_out_of_play_or_put_elsewhere_do_not_finish(road):
+    lasts(road)
+    road.plans = {"ann": [{"do": {"defuse": 3}}], "bob": [{"do": {"defuse": 3}}]}
+
+    @road.game.add
+    def storm(ctx):
+        if ctx.game.turn == 2:
+            ctx.game.eliminate("ann")
+            ctx.game.respawn("bob", 5)
+
+    result = road.game.run(4)
+    assert events_of(result, "interrupted", "done") == [
+        ("interrupted", 2.0, "eliminated", 2.0),
+        ("interrupted", 2.0, "move", 2.0),
+    ]
+
+
+def test_a_tagger_interrupts_whatever_the_order_of_the_rules(road):
+    deeds = []
+    for place in range(3):
+        lasts(road)
+        road.plans = {"ann": [{"do": {"defuse": 3}}], "bob": [8, 7, 6]}
+        road.game.reset()
+        rules = [lambda ctx: deeds.extend(ctx.game.performed("defuse")), time_limit(9)]
+        rules.insert(place, tag("blue", "red", hops=7))
+        names = [road.game.add(rule) for rule in rules]
+        assert events_of(road.game.run(3), "interrupted") == [("interrupted", 2.0, "tag", 2.0)]
+        for rule in names:
+            road.game.remove(rule)
+        road.game.reset()
+    assert not deeds
+
+
+def test_a_game_continues_exactly_from_the_middle_of_a_deed(road):
+    lasts(road, on_interrupt="resume", turns=2.5)
+    road.plans["ann"] = [{"do": {"defuse": 3}}] * 8
+    road.game.add(tag("blue", "red", hops=7, then=lambda ctx, bob, ann: ctx.game.respawn(bob, 9)))
+    road.plans["bob"] = [8, 7, 8, 7, 8, 7, 8, 7, 8]
+    stream = io.BytesIO()
+    road.record.start(stream)
+    whole = road.game.run(9)
+    road.record.stop()
+    road.game.reset()
+    kinds = ("begun", "done", "interrupted")
+    assert {kind for kind, *_ in events_of(whole, *kinds)} == set(kinds)
+    for turn in range(1, 8):
+        road.game.step()
+        here = road.game.snapshot()
+        ahead = road.game.fork(5).run(9 - turn)
+        later = road.game.run(9 - turn)
+        assert later.events == whole.events == ahead.events
+        assert later.deeds == whole.deeds == ahead.deeds
+        road.game.restore(here)
+    recording = gamms.recorder.open(io.BytesIO(stream.getvalue()))
+    assert recording.table("deeds")["time"].tolist() == [deed["time"] for deed in whole.deeds]
+    for turn in (2, 5):
+        with recording.resume(turn) as ctx:
+            for name in ("ann", "bob"):
+                ctx.agent.get_agent(name).register_strategy(road.agent.get_agent(name).strategy)
+            ctx.game.add(tag("blue", "red", hops=7, then=lambda ctx, bob, ann: ctx.game.respawn(bob, 9)))
+            resumed = ctx.game.run(9 - turn)
+            assert (resumed.events, resumed.deeds) == (whole.events, whole.deeds)
+
+
+def test_what_an_agent_is_doing_is_drawn_as_an_arc_that_closes(road):
+    lasts(road)
+    road.plans["ann"] = [{"do": {"defuse": 3}}]
+    stream = io.BytesIO()
+    road.record.start(stream)
+    drawn = []
+    for _ in range(4):
+        road.game.step()
+        drawn.append(road.visual.draw_commands().layer.tolist().count(22))
+    road.record.stop()
+    assert drawn == [2, 2, 2, 0]
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        replayed = [
+            ctx.visual.draw_commands().layer.tolist().count(22)
+            for record in ctx.record.replay(io.BytesIO(stream.getvalue()))
+            if record["opCode"] == 1
+        ]
+    assert replayed == drawn

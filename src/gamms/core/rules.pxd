@@ -43,6 +43,7 @@ cdef class Events:
     cdef public i64 count
     cdef i64 rule
     cdef readonly i64[::1] games, turns, rules, kinds, agents, others, nodes
+    cdef readonly double[::1] times
 
     cpdef int make_room(self, i64 room) except -1 with gil
     @cython.locals(row=i64)
@@ -98,6 +99,7 @@ cdef class Tags:
     cdef double[::1] times, distances
     cdef u64[::1] draws
     cdef readonly i64[::1] taggings, taggers, others, nodes
+    cdef readonly double[::1] moments
 
     cpdef int make_room(self, i64 room) except -1 with gil
     cdef int begin(self) except -1 nogil
@@ -108,7 +110,7 @@ cdef class Tags:
     cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
     @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
     cdef Py_ssize_t match(self) except -1 nogil
-    cdef int _make(self, i64 tag, i64 tagging, i64 tagger, i64 other, i64 node) except -1 nogil
+    cdef int _make(self, i64 tag, i64 row, i64 tagger, i64 other, i64 node) except -1 nogil
 
 
 @cython.final

@@ -169,6 +169,7 @@ class Events:
 
     Attributes:
         games, turns, rules, kinds, agents, others, nodes: (room,) the fields of each event; `rules` are rule numbers.
+        times: (room,) the time of each tag within its turn, from 0 to 1; other events have no time.
         count: the number of events.
         rule: the number of the rule that is played, or was played last.
         room: the maximum number of events; it grows when necessary.
@@ -183,6 +184,8 @@ class Events:
         self.agents = none
         self.others = none
         self.nodes = none
+        no_times: Any = memoryview(array("d"))
+        self.times: memoryview[float] = no_times
         self.count = 0
         self.rule = NOBODY
         self.make_room(room)
@@ -196,6 +199,7 @@ class Events:
         self.agents = extended("q", self.agents, room)
         self.others = extended("q", self.others, room)
         self.nodes = extended("q", self.nodes, room)
+        self.times = extended("d", self.times, room)
         self.room = room
         return 0
 
@@ -214,10 +218,10 @@ class Events:
         self.count = row + 1
         return 0
 
-    def taken(self) -> list[tuple[int, int, int, int, int]]:
-        """Remove all events; return the kind, rule, agent, other and node of each."""
+    def taken(self) -> list[tuple[int, int, int, int, int, float]]:
+        """Remove all events; return the kind, rule, agent, other, node and time of each."""
         found = [
-            (self.kinds[row], self.rules[row], self.agents[row], self.others[row], self.nodes[row])
+            (self.kinds[row], self.rules[row], self.agents[row], self.others[row], self.nodes[row], self.times[row])
             for row in range(self.count)
         ]
         self.count = 0
@@ -411,8 +415,8 @@ class Tags:
         taken: (agents,) working memory, all 0: whether an agent is already in a pair.
         count: the number of contacts.
         number: the number of tags.
-        taggings, taggers, others, nodes: (number,) for each tag, the tagging, the tagger, the tagged agent and its
-            node.
+        taggings, taggers, others, nodes, moments: (number,) for each tag, the tagging, the tagger, the tagged agent,
+            its node, and the time within the turn.
     """
 
     def __init__(self, taken: memoryview[int]) -> None:
@@ -438,6 +442,7 @@ class Tags:
         self.taggers = none
         self.others = none
         self.nodes = none
+        self.moments: memoryview[float] = no_floats
         self.make_room(16)
 
     def make_room(self, room: int) -> int:
@@ -458,6 +463,7 @@ class Tags:
         self.taggers = extended("q", self.taggers, 2 * room)
         self.others = extended("q", self.others, 2 * room)
         self.nodes = extended("q", self.nodes, 2 * room)
+        self.moments = extended("d", self.moments, 2 * room)
         self.room = room
         return 0
 
@@ -548,10 +554,10 @@ class Tags:
             self.taken[a] = 1
             self.taken[b] = 1
             if self.ways[row] & 1:
-                self._make(number, self.by[row], a, b, self.b_nodes[row])
+                self._make(number, row, a, b, self.b_nodes[row])
                 number += 1
             if self.ways[row] & 2:
-                self._make(number, self.by[row], b, a, self.a_nodes[row])
+                self._make(number, row, b, a, self.a_nodes[row])
                 number += 1
         for row in range(self.count):
             self.taken[self.a[row]] = 0
@@ -559,8 +565,10 @@ class Tags:
         self.number = number
         return number
 
-    def _make(self, tag: int, tagging: int, tagger: int, other: int, node: int) -> int:
-        self.taggings[tag] = tagging
+    def _make(self, tag: int, row: int, tagger: int, other: int, node: int) -> int:
+        """Make a tag from the contact in a row."""
+        self.taggings[tag] = self.by[row]
+        self.moments[tag] = self.times[row]
         self.taggers[tag] = tagger
         self.others[tag] = other
         self.nodes[tag] = node
@@ -1054,6 +1062,7 @@ class TagRule(Rule):
             other = self.tags.others[tag]
             by = self.tags.taggings[tag]
             self.events.put(game, self.turn[0], self.number + by, TAG, tagger, other, self.tags.nodes[tag])
+            self.events.times[self.events.count - 1] = self.tags.moments[tag]
             self.games.stops[self.games.row_of(game, other)] += 1
             self.first.score(by, self.games, game, tagger)
         for tag in range(number):

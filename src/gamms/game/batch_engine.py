@@ -1136,7 +1136,7 @@ class BatchEngine(TurnDriver):
         playing = self._now.in_part
         for one, games in self._each(playing) if self._acts else ():
             one.check(games, part)
-        self._deed_log.note()
+        self._deed_log.note(self._maps[0].state.deeds.lasting)
         if not self._acts:
             return
         self._play_core(playing, part, _SETTLE)

@@ -10,12 +10,16 @@ import numpy as np
 from gamms.arguments import (
     as_array,
     as_bool,
+    as_choice,
     as_float,
     as_int,
+    as_items,
     as_key,
     as_known,
     as_mapping,
+    as_name,
     as_one_shape,
+    as_positive,
     as_text,
 )
 from gamms.errors import BadType, BadValue, UnknownName, nearest
@@ -34,6 +38,8 @@ from gamms.typing.game import Deed
 T = TypeVar("T")
 OF_DEED = ("turn", "agent", "deed", "at")
 """Keys of every deed; declared fields must have other names."""
+OF_LASTING = ("kind", "time", "since", "left", "by")
+"""Keys of deeds that last, and of their events; the fields of such deeds must have other names."""
 
 _OPTIONAL = "?"  # ends the kind of a field that may be missing
 
@@ -95,6 +101,75 @@ _NUMBERED = ("agent", "node")  # kinds of fields whose values are numbers in arr
 _NUMERIC = {"integer": ("iu", np.int64), "number": ("iuf", np.float64), "boolean": ("b", np.bool_)}
 
 
+class Duration(NamedTuple):
+    """How a deed lasts.
+
+    Attributes:
+        turns: how many turns it takes; None: `seconds` says it.
+        seconds: how many seconds it takes; None: `turns` says it.
+        interrupted_by: what interrupts it: "move", or kinds of events, such as "tag".
+        on_interrupt: "restart": after an interruption, the agent has to do all of it; "resume": the rest.
+        blocks_moving: whether the agent stays where it is meanwhile.
+    """
+
+    turns: float | None = None
+    seconds: float | None = None
+    interrupted_by: tuple[str, ...] = ()
+    on_interrupt: str = "restart"
+    blocks_moving: bool = False
+
+    def in_turns(self, turn_seconds: float) -> float:
+        """Return how many turns it takes, given the length of a turn."""
+        return self.seconds / turn_seconds if self.turns is None and self.seconds is not None else self.turns or 0.0
+
+
+class LastingDeed(ReadOnlyMapping):
+    """The declaration of a deed that lasts: field -> its kind, and how it lasts.
+
+    Args:
+        fields: field -> its kind.
+        lasts: how it lasts.
+
+    Attributes:
+        lasts: see the argument.
+    """
+
+    __slots__ = ("lasts",)
+
+    def __init__(self, fields: Mapping[str, Any], lasts: Duration) -> None:
+        super().__init__(fields)
+        self.lasts = lasts
+
+    def __eq__(self, other: object) -> bool:
+        return super().__eq__(other) and (not isinstance(other, LastingDeed) or self.lasts == other.lasts)
+
+    __hash__ = None  # as that of a dict
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "LastingDeed":
+        return LastingDeed(dict(self._values), self.lasts)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return LastingDeed, (dict(self._values), self.lasts)
+
+    def declaration(self) -> dict[str, Any]:
+        """Return the declaration as plain values."""
+        given = {key: value for key, value in self.lasts._asdict().items() if value is not None}
+        return {"fields": to_plain(self._values), **given, "interrupted_by": list(self.lasts.interrupted_by)}
+
+
+def list_lasting(declared: Mapping[str, Any]) -> dict[str, Duration]:
+    """Return deed -> how it lasts, for the declared deeds that last."""
+    return {deed: fields.lasts for deed, fields in declared.items() if isinstance(fields, LastingDeed)}
+
+
+def declarations_of(declared: Mapping[str, Any]) -> dict[str, Any]:
+    """Return declared deeds as plain values, from which `as_deeds` makes the same."""
+    return {
+        deed: fields.declaration() if isinstance(fields, LastingDeed) else to_plain(fields)
+        for deed, fields in declared.items()
+    }
+
+
 class DeclaredField(NamedTuple):
     """A field of a deed: its kind, its choices if the kind is "choice", and whether it is required."""
 
@@ -106,17 +181,58 @@ class DeclaredField(NamedTuple):
 def as_deeds(value: object) -> Mapping[str, Mapping[str, Any]]:
     """Return declared deeds as a read-only mapping: deed -> field -> its kind, or a tuple of choices.
 
+    The fields of a deed that lasts are a `LastingDeed`.
+
     Raises:
         BadType, BadValue: a declaration is invalid.
     """
-    declared = {}
+    declared: dict[str, ReadOnlyMapping] = {}
     for deed, fields in as_mapping(value, "ctx.game.deeds").items():
         name = f"ctx.game.deeds[{shown(deed)}]"
         if not isinstance(deed, str) or not deed.isidentifier():
             raise BadValue(f"A deed is called by a name of letters, digits and _, not {shown(deed)}.")
         given = {} if fields is None else as_mapping(fields, name)
-        declared[deed] = ReadOnlyMapping({key: _declaration(key, kind, name) for key, kind in given.items()})
+        if isinstance(given, LastingDeed):
+            declared[deed] = given
+        elif isinstance(given.get("fields", ""), Mapping | None):
+            declared[deed] = _as_lasting(given, name)
+        else:
+            declared[deed] = _as_fields(given, name)
     return ReadOnlyMapping(declared)
+
+
+def _as_fields(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
+    """Return checked fields: name -> kind."""
+    return ReadOnlyMapping({key: _declaration(key, kind, name) for key, kind in given.items()})
+
+
+_KEYS = ("fields", *Duration._fields)
+
+
+def _as_lasting(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
+    """Return the checked declaration of a deed with the key `fields`: one that lasts, if it says how long."""
+    for key in given:
+        as_known(key, f"key of {name}:", _KEYS)
+    fields = _as_fields(given["fields"] or {}, name)
+    rest = {key: value for key, value in given.items() if key != "fields" and value is not None}
+    if not rest:
+        return fields
+    for key in fields:
+        if key in OF_LASTING:
+            raise BadValue(f"A field of {name} cannot be called {key!r}, which deeds that last have. Use another name.")
+    if ("turns" in rest) == ("seconds" in rest):
+        raise BadValue(f"{name} needs either turns or seconds: how long the deed lasts.")
+    checked: dict[str, Any] = {
+        key: as_positive(rest[key], f"{name}[{key!r}]") for key in ("turns", "seconds") if key in rest
+    }
+    if "interrupted_by" in rest:
+        kinds = as_items(rest["interrupted_by"], f"{name}['interrupted_by']", "texts, such as ['move', 'tag']")
+        checked["interrupted_by"] = tuple(as_name(kind, "what interrupts a deed") for kind in kinds)
+    if "on_interrupt" in rest:
+        checked["on_interrupt"] = as_choice(rest["on_interrupt"], f"{name}['on_interrupt']", ("restart", "resume"))
+    if "blocks_moving" in rest:
+        checked["blocks_moving"] = as_bool(rest["blocks_moving"], f"{name}['blocks_moving']")
+    return LastingDeed(fields, Duration(**checked))
 
 
 def _declaration(key: object, kind: object, name: str) -> Any:
@@ -130,6 +246,11 @@ def _declaration(key: object, kind: object, name: str) -> Any:
             hint = nearest(kind, FIELD_KINDS) or f" Use one of: {', '.join(map(repr, FIELD_KINDS))}; or a list."
             raise BadValue(f"{name}[{key!r}] cannot be {kind!r}.{hint}")
         return kind
+    if key in _KEYS and isinstance(kind, int | float | Mapping):
+        raise BadValue(
+            f"{name}[{key!r}] is no kind of field: for a deed that lasts, put its fields into fields, such as "
+            "{'fields': {'bomb': 'node'}, 'turns': 4}."
+        )
     if not isinstance(kind, Sequence) or not kind or any(why_not_plain(one) for one in kind):
         raise BadType(
             f"{name}[{key!r}] must be a kind of field, such as 'agent' or 'number', or a list of the values that it "
@@ -277,6 +398,7 @@ class DeclaredDeeds:
 
     Attributes:
         declared: deed -> its fields.
+        lasting: deed -> how it lasts, for the deeds that last.
         numbering: what the numbers in these deeds mean.
     """
 
@@ -289,6 +411,7 @@ class DeclaredDeeds:
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
         self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
+        self.lasting = list_lasting(declared)
         self._check = check
         self._streets = streets
         kinds = {deed: {key: one.kind for key, one in of.items()} for deed, of in self.declared.items()}

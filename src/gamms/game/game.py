@@ -14,7 +14,9 @@ from gamms.compat import Surface
 from gamms.deciding import ContextPart, leaving_last_turn, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
+from gamms.game.deeds import list_lasting
 from gamms.game.facts import Information, PrivateFork
+from gamms.game.lasting import LASTING_RULES
 from gamms.game.random_streams import seeded_for_run
 from gamms.game.result import (
     MANY_TURNS,
@@ -93,6 +95,12 @@ class Game(Surface, RuleVerbs):
         if self._phase.agent is not None and not getattr(self._phase.agent, "is_maker", False):
             self._phase.refuse_look("use ctx.game.internals")
         return self._internals
+
+    def _follow_deeds(self) -> None:
+        known = {one.rule for one in self._ruleset.rules}
+        for phase, rule in LASTING_RULES if list_lasting(self.deeds) else ():
+            if rule not in known:
+                self._ruleset.add(rule, phase, None)
 
     # -- rules, plans and collectors ------------------------------------------------------------------------------
 

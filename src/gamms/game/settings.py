@@ -27,11 +27,11 @@ from gamms.core.rules import Rule as CoreRule
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
-from gamms.game.deeds import as_deeds
+from gamms.game.deeds import as_deeds, declarations_of, list_lasting
 from gamms.game.hints import hint_for_rule
 from gamms.game.roles import Role, get_team
 from gamms.ir.game_state import GameState
-from gamms.plain import Shape, refuse_misfit, to_plain
+from gamms.plain import Shape, refuse_misfit
 from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
@@ -85,7 +85,7 @@ class Settings(ContextPart):
         on_error: the effect of an error in a strategy: "raise", or "stay", counted in the result.
         speed_unit: the unit of `agent.speed` of agents on the ground: "edges" per turn, "metres" per turn, or
             "metres_per_second". By metres, agents may be anywhere on an edge; see docs/travel.md.
-        turn_seconds: the duration of a turn, for speeds in metres per second.
+        turn_seconds: the duration of a turn, for speeds in metres per second, and for deeds that last some seconds.
         weight: the edge weight of shortest paths of agents by metres, as in `graph.shortest_path`. With "travel_time"
             and speeds in metres per second, no agent is faster on an edge than its length and its travel time allow.
         decide: when agents by metres decide: every "turn", or at each "arrival" at a node.
@@ -146,6 +146,11 @@ class Settings(ContextPart):
         object.__setattr__(self, name, value if check is None else check(name, value))
         if check is not None:
             self._phase.change_settings()
+        if name == "deeds":
+            self._follow_deeds()
+
+    def _follow_deeds(self) -> None:
+        """Let rules play the declared deeds that last."""
 
     def _refuse_unknown(self, name: str) -> None:
         """Refuse to set an attribute that is no setting: one that a game lacks, or one that is only read."""
@@ -172,7 +177,7 @@ class Settings(ContextPart):
         plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
         default = self.default_action
         channels = {name: one.options() for name, one in self.channels.items()}
-        declared = {"order": self.order, "deeds": to_plain(self.deeds), "channels": channels}
+        declared = {"order": self.order, "deeds": declarations_of(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
             plain["team_memory"] = False
@@ -196,6 +201,8 @@ class Settings(ContextPart):
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         self._phase.change_settings()
+        if "deeds" in checked:
+            self._follow_deeds()
 
     @refused_while_deciding
     @with_options()
@@ -238,6 +245,8 @@ def refuse_unused(settings: Settings) -> None:
     for name in _TRAVEL:
         value = getattr(settings, name)
         needs_seconds = name == "turn_seconds"
+        if needs_seconds and any(one.seconds is not None for one in list_lasting(settings.deeds).values()):
+            continue
         idle = ("edges", "metres") if needs_seconds else ("edges",)
         if value != getattr(Settings, name) and settings.speed_unit in idle:
             unit = "metres_per_second" if needs_seconds else "metres"
@@ -348,12 +357,13 @@ PHASES = ("before", "deeds", "after")
 class Rank(IntEnum):
     """The position of a rule in its phase; rules of equal rank are called in the order of adding."""
 
-    USUAL = 0  # rules that move or tag agents
+    USUAL = 0  # rules that move or tag agents, and deeds that last, which end after tags
     RESOURCES = 1
     PLACES = 2  # rules about the positions of agents
     RESPAWNS = 3
     PAYOFFS = 4  # points for events of the other rules
     END = 5
+    LATE_DEEDS = 6  # interruptions of deeds by the rules before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,7 +381,8 @@ class RuleSpec:
         owners: teams or other owners that the rule mentions; a name that resembles that of a team is refused.
         starts_of: texts of teams whose starts the rule reads.
         may_create_agents: whether the rule calls a function of the user, which may create agents.
-        drawer: draws the rule: `drawer(ctx, data)`. It reads only `ctx.game.data`, so that replays look the same.
+        drawer: draws the rule: `drawer(ctx, data)`. It reads only `ctx.game.data`, so that replays look the same. Or
+            the name of a kind of artist that the visual engine has.
         disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns the part that
             these know, for copies that look ahead. Without it, copies have the state after `prepare`.
         rank: a `Rank`; rules of higher rank are called later in the phase.
@@ -402,6 +413,7 @@ class RuleSpec:
         show_arrays: called with the context, the state of a batch of its game alone, the new events, and how many of
             the last turn are from later rules; writes what the form of the core keeps about the game into the context.
         is_array_function: whether the rule was made from its array form.
+        follows_tags: whether the rule is called after the first rules of its rank that act as one, which are tags.
     """
 
     prepare: Callable[[Any], object] | None = None
@@ -410,7 +422,7 @@ class RuleSpec:
     owners: Collection[Hashable] = ()
     starts_of: Collection[str] = ()
     may_create_agents: bool = False
-    drawer: Callable[..., object] | None = None
+    drawer: Callable[..., object] | str | None = None
     disclose: Callable[[Mapping[str, Any], Collection[str]], Mapping[str, Any]] | None = None
     rank: int = Rank.USUAL
     key: str | None = None
@@ -431,6 +443,7 @@ class RuleSpec:
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
     show_arrays: Callable[[Any, Any, list[dict[str, Any]], int], object] | None = None
     is_array_function: bool = False
+    follows_tags: bool = False
 
 
 _FEW_OWNERS = 20  # that are compared with teams
@@ -519,10 +532,10 @@ class NodesOf(Container[int]):
     """The ids of the nodes of a context's map, for checks of stored values."""
 
     def __init__(self, ctx: HostContext) -> None:
-        self._graph = ctx.graph.graph
+        self._ctx = ctx
 
     def __contains__(self, node: object) -> bool:
-        return bool(self._graph.has_node(node))
+        return bool(self._ctx.graph.graph.has_node(node))
 
 
 class RuleTable:
@@ -550,7 +563,9 @@ class RuleTable:
         self.phases = frozenset(one.phase for one in rules)
         self.drawings: dict[str, tuple[Any, int]] = {}
         for one, spec in specs:
-            if spec.drawer is not None:
+            if isinstance(spec.drawer, str):
+                self.drawings[spec.drawer] = spec.drawer, 0
+            elif spec.drawer is not None:
                 artist = str(getattr(spec.drawer, "artist", f"rule_{one.name}"))
                 self.drawings.setdefault(artist, (spec.drawer, getattr(spec.drawer, "layer", 12)))
 
@@ -602,6 +617,19 @@ class _RulePlayer(NamedTuple):
     play: Callable[[], object]
 
 
+def _in_order(rules: Iterable[NamedRule]) -> tuple[NamedRule, ...]:
+    """Return rules by rank, then in their order; a rule that follows tags comes after them, or else first."""
+    specs = {one.name: one.spec for one in rules}
+    tags = next((place for place, one in enumerate(rules) if specs[one.name].act_as_one is not None), -1)
+
+    def place_of(numbered: tuple[int, NamedRule]) -> tuple[int, float]:
+        place, one = numbered
+        spec = specs[one.name]
+        return spec.rank, tags + 0.5 if spec.follows_tags else place
+
+    return tuple(one for _, one in sorted(enumerate(rules), key=place_of))
+
+
 class RuleSet:
     """The rules of one game, and changes to them.
 
@@ -646,7 +674,7 @@ class RuleSet:
         refuse_misfits(spec, self._ctx.game.internals.state, NodesOf(self._ctx))
         if spec.prepare is not None:
             spec.prepare(self._ctx)
-        self.put(RuleTable(tuple(sorted((*self.rules, named), key=lambda one: one.spec.rank))))
+        self.put(RuleTable(_in_order((*self.rules, named))))
         self.unchecked.append(named)
 
     def renew(self) -> None:
@@ -667,7 +695,7 @@ class RuleSet:
             prepare = one.spec.prepare
             if prepare is not None and prepare != before[one.name]:
                 prepare(self._ctx)
-        self.put(RuleTable(tuple(sorted(self.rules, key=lambda one: one.spec.rank))))
+        self.put(RuleTable(_in_order(self.rules)))
         self.unchecked += [one for one in changed if one not in self.unchecked]
 
     def remove(self, wanted: str | Rule | NamedRule) -> None:
@@ -692,7 +720,7 @@ class RuleSet:
         for artist in sorted(before.keys() - rules.drawings.keys()):
             withdraw(artist)
         for artist, drawing in rules.drawings.items():
-            if before.get(artist) != drawing:
+            if before.get(artist) != drawing and not (artists is None and isinstance(drawing[0], str)):
                 propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
     def apply(self, phase: str, state: GameState) -> bool:

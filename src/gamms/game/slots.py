@@ -12,6 +12,7 @@ from gamms import kernels
 from gamms.arguments import as_range
 from gamms.core.ask import DecidingAgent, SensorCall
 from gamms.errors import BadValue, GammsError
+from gamms.game.deeds import list_lasting
 from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
@@ -66,6 +67,7 @@ class AgentSlot:
         is_plain: whether it moves along one edge, any, on the ground.
         carried: its sensors, prepared for calls.
         last: a list whose only item is the last state that it got.
+        shows_doing: whether its state says which deed it is doing.
         sees_world_only: whether all its sensors are built-in, and look only at the graph and the agents.
         foreign: the names of its sensors of users' classes.
         counts: its numbers of moves, blocked moves, and so on; see `COUNTED`.
@@ -73,7 +75,7 @@ class AgentSlot:
 
     __slots__ = (
         *("_asked", "_draws", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "game"),
-        *("is_plain", "last", "mode", "name", "row", "sees_world_only", "speed", "team", "travels"),
+        *("is_plain", "last", "mode", "name", "row", "sees_world_only", "shows_doing", "speed", "team", "travels"),
     )
 
     def __init__(
@@ -92,6 +94,7 @@ class AgentSlot:
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.mode: str | None = None if self.flies else getattr(agent, "mode", None)
+        self.shows_doing = bool(list_lasting(settings.deeds))
         is_slow = self.speed is None and self.mode is None
         self.is_plain = is_slow and not (self.flies or self.travels) and settings.legal == "edges"
         # NOTE: made on demand: an agent with a plan of arrays has no state and draws nothing
@@ -148,7 +151,8 @@ class AgentSlot:
         """The agent in the form of the core, for usual turns."""
         agent = self.agent
         if self._asked is None or self._asked.strategy is not agent.strategy:
-            is_usual = (self.is_plain or self.travels) and self.mode is None and agent.strategy is not None
+            is_usual = (self.is_plain or self.travels) and self.mode is None
+            is_usual = is_usual and agent.strategy is not None and not self.shows_doing
             template = self.template if is_usual else None
             sensors = tuple([SensorCall(*one) for one in self.carried])
             args = agent, agent.strategy, template, sensors, self.last
@@ -175,6 +179,7 @@ class AgentSlot:
             "blocked": self._why_blocked(),
             "fork": fork,
             **({"deeds": settings.deeds} if settings.deeds else {}),
+            **({"doing": None} if self.shows_doing else {}),
             **({"inbox": [], "outbox": []} if settings.channels else {}),
         }
 

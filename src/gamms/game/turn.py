@@ -14,8 +14,9 @@ from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
-from gamms.game.deeds import performed_deeds
+from gamms.game.deeds import list_lasting, performed_deeds
 from gamms.game.facts import PrivateForks
+from gamms.game.lasting import doing_of
 from gamms.game.messages import GameMessages
 from gamms.game.movement.arrivals import WAITS, ArrivingAgents
 from gamms.game.movement.legality import Legality
@@ -333,6 +334,8 @@ class TurnEngine(GameTurn):
         known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}
+        if "doing" in state:
+            state["doing"] = doing_of(slot.name, slot.team, game, self._settings, self._legality.travel.now)
         if self._settings.channels:
             state["inbox"] = self.read_inbox(slot.name)
             state["outbox"] = []
@@ -449,7 +452,7 @@ class TurnEngine(GameTurn):
             else:
                 log.refuse(self.state.row, i, kind)
                 self._note_illegal(turn.slots[i], why)
-        log.note()
+        log.note(list_lasting(self._settings.deeds))
         revision = self._ctx.graph.graph.revision
         if not rules.apply("deeds", self.state):
             return

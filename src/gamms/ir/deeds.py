@@ -113,6 +113,10 @@ class PlainDeeds(NamedTuple):
         """Return the deeds that are not refused; see `DeedLog.refuse`."""
         return self._replace(given=[row for row in self.given if not _is_refused(row[0], row[1], row[4], refused)])
 
+    def without_kinds(self, kinds: Collection[str]) -> PlainDeeds:
+        """Return the deeds of other kinds."""
+        return self._replace(given=[row for row in self.given if row[4] not in kinds])
+
     def without_games(self, games: IntArray) -> PlainDeeds:
         """Return the deeds of other games."""
         left_out = set(games.tolist())
@@ -156,6 +160,10 @@ class DeedsInArrays(NamedTuple):
         kind = self.deeds.kind
         return self._those(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
 
+    def without_kinds(self, kinds: Collection[str]) -> DeedsInArrays:
+        """Return the deeds of other kinds."""
+        return self._those(np.full(len(self.turns), self.deeds.kind not in kinds))
+
     def without_games(self, games: IntArray) -> DeedsInArrays:
         """Return the deeds of other games."""
         return self._those(~np.isin(self.deeds.at, games))
@@ -182,7 +190,8 @@ class DeedLog(GameLog[list[DoneDeeds]]):
     """The deeds of one game, or of all games of a batch: those of the turn, and the log.
 
     In each part of a turn, `want` collects the requested deeds, `do` starts the deeds of the part, and `note` logs the
-    deeds that were not refused. Entries of the log are dicts, which are made when they are read.
+    deeds that were not refused. Deeds that last are not logged then: `begun` returns them, and `add` logs each when it
+    is done. Entries of the log are dicts, which are made when they are read.
 
     Args:
         num_games: the number of games.
@@ -198,6 +207,7 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         self._refused: set[tuple[int, int, str | None]] = set()  # game, agent, kind; None: all kinds
         self._read: list[DoneDeeds] = []  # the deeds of which `_rows` has been made
         self._rows: dict[int, list[DeedRow]] = {}  # by game
+        self._begun: dict[int, list[DeedRow]] = {}  # by game
         self.begin_turn()
 
     def begin_turn(self) -> None:
@@ -223,14 +233,30 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """Refuse all deeds of agents whose action failed, given as (game, agent) pairs."""
         self._refused.update((game, agent, None) for game, agent in failed)
 
-    def note(self) -> None:
-        """Log the deeds of the current part of the turn, except refused ones."""
-        if self._refused:
+    def note(self, lasting: Collection[str] = ()) -> None:
+        """Log the deeds of the current part of the turn, except refused ones and those of kinds that last."""
+        self._begun.clear()
+        if self._refused or lasting:
             before = self.last[: len(self.last) - len(self._now)]
             self._now = [one.without(self._refused) for one in self._now]
+            for row in _rows_of(self._now) if lasting else ():
+                if row[4] in lasting:
+                    self._begun.setdefault(row[0], []).append(row)
+            if self._begun:
+                self._now = [one.without_kinds(lasting) for one in self._now]
             self.last = [*before, *self._now] if before else self._now
         if self._now:
             self._pending.append(self._now)
+
+    def begun(self, game: int) -> list[DeedRow]:
+        """Return the deeds that last and that agents of a game begin or continue in the current part of the turn."""
+        return sorted(self._begun.get(game, ()), key=itemgetter(1, 2))
+
+    def add(self, game: int, done: Iterable[DeedRow]) -> None:
+        """Log deeds of a game that have lasted until a moment of the present turn."""
+        table = PlainDeeds(0, [(game, *row[1:]) for row in done])
+        self.last = [*self.last, table]
+        self._pending.append([table])
 
     # -- the deeds of a turn -----------------------------------------------------------------------------------------
 

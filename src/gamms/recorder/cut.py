@@ -33,7 +33,19 @@ _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
 # of a header; other entries may name agents of other teams
 _PUBLIC = ("format", "package", "created", "world", "world_sha256")
-_OF_ALL = ("graph", "obstacles", "flags", "territory", "tags", "goals", "held", "discovered", "resources", "cooldowns")
+_OF_ALL = (
+    "graph",
+    "obstacles",
+    "flags",
+    "territory",
+    "tags",
+    "goals",
+    "held",
+    "discovered",
+    "resources",
+    "cooldowns",
+    "doing",
+)
 # roles of fields with information about agents
 _OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)
 _OF_STATE = ("pace", "components", "events", "settings", "facts")  # parts of a keyframe that everybody may know

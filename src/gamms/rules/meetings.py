@@ -24,6 +24,7 @@ from gamms.errors import IllegalMutation, UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
     SCORING,
+    CompiledRule,
     ContactOptions,
     ContactSearch,
     Ground,
@@ -33,6 +34,7 @@ from gamms.game.block.in_core import (
     motion_intervals,
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
+from gamms.game.deeds import list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
@@ -482,7 +484,7 @@ class GameRule(RuleOfGame):
         turn.roster.stops[:] = turn.roster.no_stops
         return self._tell(ctx, self.makes.events.taken())
 
-    def _tell(self, ctx: Context, events: list[tuple[int, int, int, int, int]]) -> list[tuple[str, str, int]]:
+    def _tell(self, ctx: Context, events: list[tuple[int, int, int, int, int, float]]) -> list[tuple[str, str, int]]:
         """Do in the context what the core has done."""
         game = ctx.game
         graph = ctx.graph.graph
@@ -496,10 +498,11 @@ class GameRule(RuleOfGame):
         flies = roster.flies  # functions that are called may change the agents of the roster
         agent_of = ctx.agent.get_agent
         calls = [event for event in events if event[0] == _CALL]
-        pairs = iter([(agent_of(names[agent]), agent_of(names[other])) for _, _, agent, other, _ in calls])
+        pairs = iter([(agent_of(names[agent]), agent_of(names[other])) for _, _, agent, other, *_ in calls])
         told = []
         reached: list[Hashable] = []
-        for number, rule, agent, other, node in events:
+        has_times = bool(list_lasting(game.deeds))
+        for number, rule, agent, other, node, time in events:
             kind = rules.KINDS[number]
             played = self.makes.rules[rule]
             if kind == "respawned":
@@ -518,10 +521,9 @@ class GameRule(RuleOfGame):
                 game.end(**played.end(agent, reached, roster.table.teams))
             else:
                 name = names[agent] if agent >= 0 else self.carriers[other]
-                fields = {}
-                if kind in NAMED:
-                    fields[NAMED[kind]] = names[other] if kind == "tag" else played.flags[other]
-                state.events.append({"turn": turn, "kind": kind, "agent": name, **fields, "node": ids[node]})
+                event = {"turn": turn, "kind": kind, "agent": name, **_name_other(kind, other, names, played)}
+                moment = {"time": turn - 1 + time} if has_times and kind == "tag" else {}
+                state.events.append({**event, "node": ids[node], **moment})
                 told.append((kind, name, other))
                 if kind in SCORING:
                     team = roster.teams[agent]
@@ -530,6 +532,13 @@ class GameRule(RuleOfGame):
                     if played.points is not None and not is_again:
                         state.scores[team] += played.points
         return told
+
+
+def _name_other(kind: str, other: int, names: Sequence[str], played: CompiledRule) -> dict[str, Any]:
+    """Return the field of an event that names the other agent of a tag, or the team of a flag."""
+    if kind not in NAMED:
+        return {}
+    return {NAMED[kind]: names[other] if kind == "tag" else played.flags[other]}
 
 
 class TurnContacts(RuleMoves):

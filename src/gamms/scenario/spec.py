@@ -229,7 +229,7 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     team_memory: bool = True
     information: Literal["private", "full"] = "private"
     order: Annotated[list[Annotated[list[Name], Meta(min_length=1)]], Meta(min_length=1)] | None = None
-    deeds: dict[Name, dict[Name, str | list[Any]] | None] = {}
+    deeds: dict[Name, dict[Name, Any] | None] = {}
 
 
 class Jammer(_Mapping, frozen=True, kw_only=True):

@@ -226,6 +226,9 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
     `gamms.planning`."""
     deeds: Mapping[str, Mapping[str, Any]]
     """The deeds declared by `ctx.game.deeds`; only if there are any."""
+    doing: Mapping[str, Any] | None
+    """The deed that the agent is doing: its `kind`, `since`, `left` and `values`; None: it does none. Only if
+    `ctx.game.deeds` declares deeds that last."""
     inbox: list[Message]
     """The received messages; only if the game has channels."""
     outbox: list[OutgoingMessage]
@@ -274,6 +277,8 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
         def __getitem__(self, key: Literal["fork"], /) -> PrivateForks: ...
         @overload
         def __getitem__(self, key: Literal["deeds"], /) -> Mapping[str, Mapping[str, Any]]: ...
+        @overload
+        def __getitem__(self, key: Literal["doing"], /) -> Mapping[str, Any] | None: ...
         @overload
         def __getitem__(self, key: Literal["inbox"], /) -> list[Message]: ...
         @overload

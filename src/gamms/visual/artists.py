@@ -34,7 +34,13 @@ from gamms.visual.drawers.graph import render_base_map
 from gamms.visual.drawers.marks import render_eliminated, render_tags, rows_of_eliminated
 from gamms.visual.drawers.messages import render_messages
 from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_goals, teams_of_rules
-from gamms.visual.drawers.standings import render_amounts, render_cooldowns, render_discovered, render_held
+from gamms.visual.drawers.standings import (
+    render_amounts,
+    render_cooldowns,
+    render_discovered,
+    render_doing,
+    render_held,
+)
 from gamms.visual.drawers.streets import render_tunnels
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import legend_only
@@ -96,6 +102,7 @@ _KINDS = {
     "discovered": _ArtistKind(render_discovered, (), dict, dict),
     "resources": _ArtistKind(render_amounts, (), dict, dict),
     "cooldowns": _ArtistKind(render_cooldowns, (), dict, dict),
+    "doing": _ArtistKind(render_doing, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
 _KEYWORDS = {  # keywords of `set_…_visual`
@@ -430,7 +437,13 @@ class Artists(ContextPart):
 
     @refused_while_deciding
     def propose(self, name: str, artist: dict[str, Any]) -> None:
-        """Add an artist, or replace one proposed under this name; an artist of the caller stays."""
+        """Add an artist, or replace one proposed under this name; an artist of the caller stays.
+
+        Its drawer may be the name of a kind.
+        """
+        if isinstance(artist["drawer"], str):
+            drawer: Any = _KINDS[artist["drawer"]].drawer
+            artist = {"drawer": drawer, "layer": drawer.layer}
         known = self.declared.get(name)
         if known is None or known is self._proposed.get(name):
             self._proposed[name] = self.add_artist(name, artist)

@@ -505,8 +505,10 @@ class CoreColumns:
         count = events.count
         columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
         games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
+        times = np.array(events.times[:count])
+        has_times = bool(self._states[0].deeds.lasting)
         flags = tuple(one.flags for one in self.rules)
-        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
+        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags, times, has_times)
         if (games[1:] < games[:-1]).any():  # those of one map come behind those of another
             noted = noted.those(np.argsort(games, kind="stable"))
         events.count = 0

@@ -209,6 +209,8 @@ class CoreEvents(NamedTuple):
         games, turns, rules, kinds, agents, others: the numbers that the core logs.
         nodes: the ids of the nodes.
         flags: for each rule number, the teams of its flags.
+        times: the time of each tag within its turn, from 0 to 1.
+        has_times: whether the entries of tags have times.
     """
 
     games: IntArray
@@ -219,21 +221,26 @@ class CoreEvents(NamedTuple):
     others: IntArray
     nodes: IntArray
     flags: tuple[tuple[Hashable, ...], ...]
+    times: FloatArray
+    has_times: bool
 
     def those(self, which: BoolArray | IntArray) -> "CoreEvents":
         """Return the events selected by a mask or by indices."""
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
-        return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
+        times = self.times[which]
+        return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags, times, self.has_times)
 
     def entries(self, names: Sequence[str]) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield the game and the log entry of each event; `names` are the agents' names."""
-        columns = (self.games, self.turns, self.rules, self.kinds, self.agents, self.others, self.nodes)
-        for game, turn, rule, number, agent, other, node in zip(*map(np.ndarray.tolist, columns), strict=True):
+        columns = (*self[:7], self.times)
+        for game, turn, rule, number, agent, other, node, time in zip(*map(np.ndarray.tolist, columns), strict=True):
             kind = rules.KINDS[number]
             entry = {"turn": turn, "kind": kind, "agent": names[agent]}
             if kind in NAMED:
                 entry[NAMED[kind]] = names[other] if kind == "tag" else self.flags[rule][other]
             entry["node"] = node
+            if self.has_times and kind == "tag":
+                entry["time"] = turn - 1 + time
             yield game, entry
 
 

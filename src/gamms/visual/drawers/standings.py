@@ -1,8 +1,9 @@
-"""Drawers of the progress of rules: held and discovered places, remaining resources, and cooldowns of deeds.
+"""Drawers of the progress of rules: held and discovered places, remaining resources, cooldowns, and deeds that last.
 
 They read `ctx.game.data`, of a game or of its replay: `data["held"]` is key -> {"nodes", "team", "turns", "of"},
 `data["discovered"]` key -> {"nodes", "by": team -> ids}, `data["resources"]` name -> {"full", "amounts": agent ->
-amount}, `data["cooldowns"]` deed -> {"of", "left": agent -> turns}. Nodes are as `as_text` made them.
+amount}, `data["cooldowns"]` and `data["doing"]` deed -> {"of", "left": agent -> turns}. Nodes are as `as_text` made
+them.
 """
 
 from collections.abc import Iterator
@@ -27,11 +28,13 @@ HELD = "held"
 DISCOVERED = "discovered"
 RESOURCES = "resources"
 COOLDOWNS = "cooldowns"
+DOING = "doing"
 _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     HELD: {"nodes": str, "turns": int, "of": int},
     DISCOVERED: {"nodes": str, "by": dict},
     RESOURCES: {"full": int | float, "amounts": dict},
     COOLDOWNS: {"of": int, "left": dict},
+    DOING: {"of": int | float, "left": dict},
 }
 _MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
 # radius of rings and squares, and the widths of their lines
@@ -43,6 +46,7 @@ _FINE = 48  # parts of a circle
 _AROUND_PX = 18.0
 _NEXT_PX = 4.0
 _LINE_PX = 3.0
+_DOING_PX = 14.0
 _SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)])
 # how much larger the square of each next team is, and the width of its lines
 _WIDER_PX = 4.0
@@ -57,7 +61,7 @@ _XY = tuple[float, float]
 
 
 def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
-    """Return the drawable counts of rules in one of the four groups, by key."""
+    """Return the drawable counts of rules in one of the groups, by key."""
     kept: Any = game_data(ctx).get(group)
     fields = _FIELDS[group]
     fit = (
@@ -136,6 +140,19 @@ def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
                 visual.render_symbols([place], _arc(share, _AROUND_PX + number * _NEXT_PX), SIGN, _LINE_PX)
 
 
+def render_doing(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw around each agent how much of a deed that lasts it has done: an arc in its color that closes."""
+    visual = drawing_of(ctx)
+    for state in counted_in(ctx, DOING).values():
+        for agent, place, turns in _marked(ctx, state["left"], data):
+            share = min(1.0, max(0.0, 1.0 - turns / (state["of"] or 1)))
+            with visual.owned(*_owner_of(agent)):
+                visual.render_symbols([place], _arc(1.0, _DOING_PX), SIGN, _THIN_PX)
+                if share > 0.0:
+                    color = visual.color_of(color_group(agent))
+                    visual.render_symbols([place], _arc(share, _DOING_PX), color, _ARC_PX)
+
+
 def _owner_of(agent: IAgent) -> Owner:
     """Return the owner of a sign that goes with an agent and that its own team alone knows of."""
     return Owner(agent.name, (str(color_group(agent)),))
@@ -159,6 +176,16 @@ def _facts_of_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
     return found
 
 
+def _facts_of_doing(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
+    """Return agent -> the deed that it is doing, in words, with the number of turns that are left."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for deed, state in counted_in(ctx, DOING).items():
+        for name, turns in islice(state["left"].items(), _MOST):
+            if isinstance(turns, int | float):
+                found.setdefault(str(name), []).append((f"{deed} goes on", f"{turns:.3g} turns"))
+    return found
+
+
 def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
     """Yield the shown agents with position and number; none if there are too many to be legible."""
     visual = drawing_of(ctx)
@@ -176,6 +203,11 @@ def _rows_of_amounts(ctx: IContext) -> LegendRows | None:
 
 def _rows_of_cooldowns(ctx: IContext) -> LegendRows | None:
     rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="timer") for deed in counted_in(ctx, COOLDOWNS))
+    return LegendRows("", rows) if rows else None
+
+
+def _rows_of_doing(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{deed} goes on", sign="arc") for deed in counted_in(ctx, DOING))
     return LegendRows("", rows) if rows else None
 
 
@@ -199,6 +231,9 @@ render_amounts.__dict__.update(
 render_cooldowns.__dict__.update(
     artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_cooldowns, facts=_facts_of_cooldowns
 )
-for _drawer in (render_held, render_discovered, render_amounts, render_cooldowns):
+render_doing.__dict__.update(
+    artist="doing", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_doing, facts=_facts_of_doing
+)
+for _drawer in (render_held, render_discovered, render_amounts, render_cooldowns, render_doing):
     _drawer.__dict__["is_in_fog"] = True  # teams that see little know of it
     _drawer.__dict__["settles_in"] = 0

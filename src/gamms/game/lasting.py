@@ -1,0 +1,290 @@
+"""Deeds that last: agents begin them, go on with them, and finish them or are interrupted, at exact times.
+
+Three rules, which a game has if it declares such a deed, play it. What agents are doing is `ctx.game.data["doing"]`:
+
+    deed -> {"of": turns, "left": agent -> turns, "begun": agent -> {…}, "unfinished": agent -> [[values, turns]]}
+
+All times are numbers of turns since the start of the game: 4.25 is a quarter into the fifth turn.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
+from math import inf
+from typing import Any, NamedTuple
+
+from gamms.game.deeds import Duration, list_lasting
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.settings import Rank, RuleSpec, Settings, declared
+from gamms.ir.game_state import GameState
+from gamms.plain import ANYTHING, NUMBER, TEXT, at, dict_of, list_of, record, tuple_of
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
+from gamms.typing.game import Track
+
+DOING = "doing"
+"""The key of `ctx.game.data`, and the kind of the artist that draws it."""
+
+_BEGUN = record({"since": NUMBER, "until": NUMBER, "values": dict_of(TEXT, ANYTHING)})
+_KEPT = record(
+    {
+        "of": NUMBER,
+        "left": dict_of(TEXT, NUMBER),
+        "begun": dict_of(TEXT, _BEGUN),
+        "unfinished": dict_of(TEXT, list_of(tuple_of(dict_of(TEXT, ANYTHING), NUMBER))),
+    }
+)
+_Doings = Mapping[str, Mapping[str, Any]]
+
+
+class Doing(NamedTuple):
+    """A deed that an agent is doing.
+
+    Attributes:
+        kind: the deed.
+        since: when it began.
+        until: when it is done, unless it is interrupted.
+        values: the values of its fields.
+    """
+
+    kind: str
+    since: float
+    until: float
+    values: Mapping[str, Any]
+
+
+class _Stop(NamedTuple):
+    """Something that interrupts a deed: when, and what."""
+
+    time: float
+    by: str
+
+
+def _find_doing(data: Mapping[Any, Any], name: str) -> Doing | None:
+    """Return the deed that an agent is doing; None: it does none."""
+    for kind, kept in data.get(DOING, {}).items():
+        if name in kept["begun"]:
+            return Doing(kind, **kept["begun"][name])
+    return None
+
+
+def _begin_of_part(order: Sequence[Sequence[Any]] | None, team: object) -> float:
+    """Return when the agents of a team begin their part of a turn, from 0 to 1."""
+    parts = order or ()
+    return next((number / len(parts) for number, teams in enumerate(parts) if team in teams), 0.0)
+
+
+def doing_of(name: str, team: object, state: GameState, settings: Settings, now: float) -> dict[str, Any] | None:
+    """Return what an agent is doing, as its state shows it.
+
+    Args:
+        name: the agent.
+        team: its team.
+        state: the state of the game.
+        settings: the settings of the game.
+        now: the time in the turn, from 0 to 1, at which agents decide on arrival.
+    """
+    doing = _find_doing(state.data, name)
+    if doing is None:
+        return None
+    present = state.turn + max(now, _begin_of_part(settings.order, team))
+    return {
+        "kind": doing.kind,
+        "since": doing.since,
+        "left": max(0.0, doing.until - present),
+        "values": dict(doing.values),
+    }
+
+
+# -- before agents move -------------------------------------------------------------------------------------------
+
+
+def _check(ctx: HostContext) -> None:
+    """Refuse moves of agents whose deed blocks them, and deeds that last beside another one."""
+    game = ctx.game
+    lasting = list_lasting(game.deeds)
+    agents = ctx.agent.agents
+    for kind, kept in game.data.get(DOING, {}).items():
+        for name in sorted(kept["begun"]) if kind in lasting and lasting[kind].blocks_moving else ():
+            if name in agents and agents[name].alive:
+                until = kept["begun"][name]["until"]
+                game.refuse(name, f"it is doing {kind!r} until {until:g}")
+    begins: dict[str, str] = {}
+    for deed in game.performed():
+        if deed.kind not in lasting:
+            continue
+        doing = _find_doing(game.data, deed.agent)
+        if doing is not None and (doing.kind, doing.values) != (deed.kind, deed.values):
+            game.refuse(deed.agent, f"it is doing {doing.kind!r}", deed.kind)
+        elif begins.setdefault(deed.agent, deed.kind) != deed.kind:
+            game.refuse(deed.agent, f"it begins {begins[deed.agent]!r} in the same turn", deed.kind)
+        elif doing is None and lasting[deed.kind].blocks_moving:
+            game.refuse(deed.agent, f"it begins {deed.kind!r}")
+
+
+def begin_deeds(ctx: HostContext) -> None:
+    """Begin the deeds that last and that were not refused; a deed that goes on does."""
+    game = ctx.game
+    state: GameState = game.internals.state
+    lasting = list_lasting(game.deeds)
+    agents = ctx.agent.agents
+    for _, _, _, name, kind, _, node, values in state.deed_log.begun(state.row):
+        agent = agents.get(name)
+        if agent is None or not agent.alive or _find_doing(game.data, name) is not None:
+            continue
+        turns = lasting[kind].in_turns(game.turn_seconds)
+        kept = game.data.setdefault(DOING, {}).setdefault(
+            kind, {"of": turns, "left": {}, "begun": {}, "unfinished": {}}
+        )
+        since = game.turn + _begin_of_part(game.order, agent.team)
+        left = _take_unfinished(kept, name, values, turns)
+        kept["begun"][name] = {"since": since, "until": since + left, "values": dict(values)}
+        kept["left"][name] = left
+        game.emit("begun", agent=name, deed=kind, at=node, time=since, **values)
+
+
+def _take_unfinished(kept: dict[str, Any], name: str, values: Mapping[str, Any], turns: float) -> float:
+    """Return how many turns of a deed an agent has to do, after an earlier interruption."""
+    unfinished = kept["unfinished"].get(name, [])
+    for number, (earlier, left) in enumerate(unfinished):
+        if earlier == values:
+            del unfinished[number]
+            if not unfinished:
+                del kept["unfinished"][name]
+            return float(left)
+    return turns
+
+
+# -- after agents have moved --------------------------------------------------------------------------------------
+
+
+def end_deeds(ctx: HostContext) -> None:
+    """Finish deeds, or interrupt them, whichever comes first in the turn."""
+    game = ctx.game
+    doing: dict[str, dict[str, Any]] | None = game.data.get(DOING)
+    if not doing:
+        return
+    state: GameState = game.internals.state
+    lasting = list_lasting(game.deeds)
+    ends = _TurnEnds(ctx, state)
+    done = []
+    for kind in sorted(doing):
+        kept = doing[kind]
+        for name, begun in sorted(kept["begun"].items()):
+            stop = ends.find_stop(name, begun["since"], lasting.get(kind, Duration()))
+            if begun["until"] <= min(state.turn, stop.time):
+                done.append((begun["until"], name, kind, begun))
+            elif stop.time <= state.turn:
+                left = begun["until"] - stop.time
+                if lasting[kind].on_interrupt == "resume":
+                    kept["unfinished"].setdefault(name, []).append([begun["values"], left])
+                game.emit(
+                    "interrupted", agent=name, deed=kind, by=stop.by, time=stop.time, left=left, **begun["values"]
+                )
+            else:
+                kept["left"][name] = begun["until"] - state.turn
+                continue
+            del kept["begun"][name]
+            del kept["left"][name]
+    rows = []
+    for number, (time, name, kind, begun) in enumerate(sorted(done, key=lambda one: one[:3])):
+        node = ends.start_of(name)
+        game.emit("done", agent=name, deed=kind, at=node, time=time, **begun["values"])
+        fields = {**begun["values"], "since": begun["since"], "time": time}
+        rows.append((state.row, number, number, name, kind, state.turn, node, fields))
+    if rows:
+        state.deed_log.add(state.row, rows)
+
+
+class _TurnEnds:
+    """What may interrupt deeds in a turn.
+
+    Args:
+        ctx: the context.
+        state: the state of the game.
+    """
+
+    def __init__(self, ctx: HostContext, state: GameState) -> None:
+        self._agents: Mapping[str, IAgent] = ctx.agent.agents
+        self._order = ctx.game.order
+        self._turn = state.turn
+        self._moves: TurnMoves | None = state.moves
+        self._events = [*takewhile(lambda event: event["turn"] == self._turn, reversed(state.events))]
+
+    def find_stop(self, name: str, since: float, lasts: Duration) -> _Stop:
+        """Return what interrupts a deed of an agent first, at `since` or later; the time is infinite: nothing does.
+
+        A tag counts before the places to which it has brought the agent.
+        """
+        stops = [one for one in self._stops_of(name, lasts) if one.time >= since]
+        return min(stops, key=lambda one: one.time, default=_Stop(inf, ""))
+
+    def start_of(self, name: str) -> int:
+        """Return the node on which an agent was when the turn began."""
+        i = None if self._moves is None else self._moves.index_of(name)
+        return self._agents[name].current_node_id if self._moves is None or i is None else int(self._moves.starts[i])
+
+    def _stops_of(self, name: str, lasts: Duration) -> Iterator[_Stop]:
+        tags = [_Stop(time, "tag") for time in self._times_of("tag", "other", name)]
+        for kind in lasts.interrupted_by:
+            if kind == "tag":
+                yield from tags
+            elif kind != "move":
+                yield from (_Stop(time, kind) for time in self._times_of(kind, "agent", name))
+        agent = self._agents.get(name)
+        i = None if self._moves is None else self._moves.index_of(name)
+        at_once = min(tags)[0] if tags else float(self._turn)  # when a rule has put the agent elsewhere or out of play
+        if agent is None or not agent.alive:
+            yield _Stop(at_once if i is not None else self._turn - 1.0, "eliminated")
+        elif "move" in lasts.interrupted_by and self._moves is not None and i is not None:
+            time = _leaves_at(self._moves, i, self._turn - 1, _begin_of_part(self._order, agent.team))
+            if time is not None:
+                yield _Stop(time, "move")
+            if not self._moves.slots[i].flies and agent.current_node_id != self._moves.ends[i]:
+                yield _Stop(at_once, "move")
+
+    def _times_of(self, kind: str, field: str, name: str) -> Iterable[float]:
+        """Return the times of the events of a kind in which a field names an agent."""
+        named = [event for event in self._events if event["kind"] == kind and event.get(field) == name]
+        return [float(event.get("time", self._turn)) for event in named]
+
+
+def _leaves_at(moves: TurnMoves, i: int, now: int, part: float) -> float | None:
+    """Return when the agent of a slot sets out in a turn that begins at `now`; None: it stays."""
+    slot = moves.slots[i]
+    if slot.flies:
+        action = moves.actions.get(i)
+        is_flying = action is not None and action.position not in (None, slot.agent.prev_position)
+        return now + part if is_flying else None
+    track: Track = moves.track(i)
+    if track.legs:
+        return next((now + leg.since for leg in track.legs if leg.begin != leg.end), None)
+    waits = len([*takewhile(lambda node: node == track.path[0], track.path)]) - 1
+    if waits + 1 < len(track.path) or (not slot.travels and moves.progress(i) is not None):
+        return now + max(track.times[waits], part)
+    return None
+
+
+def _know_own(data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """Return what named agents are doing."""
+    doings: _Doings = data.get(DOING, {})
+    own = {
+        kind: {"of": kept["of"]}
+        | {key: {name: one for name, one in kept[key].items() if name in names} for key in kept if key != "of"}
+        for kind, kept in doings.items()
+    }
+    return {DOING: own}
+
+
+def end_late_deeds(ctx: HostContext) -> None:
+    """Interrupt deeds by the rules that were called since `end_deeds`."""
+    end_deeds(ctx)
+
+
+_SHAPE = at((DOING,), dict_of(TEXT, _KEPT))
+
+LASTING_RULES = (
+    ("deeds", declared(begin_deeds, RuleSpec(check=_check, key=DOING, keeps=_SHAPE, disclose=_know_own, drawer=DOING))),
+    ("after", declared(end_deeds, RuleSpec(follows_tags=True))),
+    ("after", declared(end_late_deeds, RuleSpec(rank=Rank.LATE_DEEDS))),
+)
+"""The rules that play deeds that last, each with its phase."""
