@@ -1,7 +1,8 @@
 """Deeds of array strategies: the same in batches and in games alone, and checked when they are done."""
 
+import numpy as np
 import pytest
-from batch_scenes import assert_as_alone, scene
+from batch_scenes import assert_as_alone, assert_as_played, plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -141,3 +142,48 @@ def test_deeds_that_last_are_the_same_in_batches_and_in_games_alone(drawn):
                     if event["kind"] in seen:
                         seen[event["kind"]] += 1
     assert seen["begun"] >= seen["done"] + seen["interrupted"] > 0
+
+
+@gamms.array_strategy
+def tinker_in_arrays(view):
+    """Fix nodes and walk about at random; agents that have almost done it stay."""
+    doing = view["doing"]
+    assert ((doing.kind >= 0) == (doing.left > 0)).all()
+    view.do("fix", (view.draw.random() < 0.5) & view.mask, node=view.node)
+    view.do("say", (doing.left > 0) & view.mask, left=doing.left, since=doing.since)
+    return np.where(doing.left > 1.0, view.draw.below(view.counts), 0)
+
+
+def tinker_alone(state):
+    """Do in plain Python what `tinker_in_arrays` does."""
+    doing = state["doing"]
+    do = {"fix": state["curr_pos"]} if state["draw"].random() < 0.5 else {}
+    if doing is not None:
+        do["say"] = {"left": doing["left"], "since": doing["since"]}
+    moves = state["draw"].below(len(state["legal"]))
+    far = doing is not None and doing["left"] > 1.0
+    state["action"] = {"node_id": state["legal"][moves if far else 0], "do": do}
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_array_strategies_begin_deeds_that_last_and_see_them_as_plain_ones_do(order):
+    fix = {"fields": {"node": "node"}, "turns": 2.5, "interrupted_by": ["tag", "move"], "on_interrupt": "resume"}
+    settings = {"deeds": {"say": {"left": "number", "since": "number"}, "fix": fix}, "order": order}
+    rules = [{"rule": "tag", "with": {"taggers": "blue", "tagged": "red"}}]
+    scenario = scene(rules, settings=settings)
+    found = []
+    for strategy in (tinker_in_arrays, tinker_alone):
+        with scenario.batch(3, strategies={"red": strategy}) as games:
+            games.run()
+            assert_as_played(games, scenario, {"red": strategy})
+            found.append([plain(games.result(number)) for number in range(3)])
+            assert not games.detached
+            assert games.observe("red")["doing"].kind.shape == (3, 3)
+    for arrays, alone in zip(*found, strict=True):
+        assert (arrays["events"], arrays["deeds"]) == (alone["events"], alone["deeds"])
+        assert {event["kind"] for event in arrays["events"]} >= {"begun", "done", "interrupted"}
+
+
+def test_a_view_of_a_game_without_deeds_that_last_shows_none():
+    with deed_scene().batch(2) as games, pytest.raises(UnknownName, match="declares no deed that lasts"):
+        games.observe("red")["doing"]

@@ -337,3 +337,14 @@ def test_whatever_a_model_answers_is_legal_or_does_not_count(talking_game, answe
     ctx.agent.get_agent("anna").strategy = strategy
     ctx.game.step()
     assert ctx.game.errors == []
+
+
+def test_a_model_is_told_what_its_agent_is_doing(server, strategy_of):
+    server.script = lambda request: {"move": 0, "do": {"defuse": {"bomb": 3}}}
+    with new_game(strategy_of()) as ctx:
+        ctx.game.deeds = {"defuse": {"fields": {"bomb": "node"}, "turns": 2.5}}
+        result = ctx.game.run(2)
+    texts = [text_of(request) for request in server.requests]
+    assert "You are doing" not in texts[0]
+    assert 'You are doing "defuse" with {"bomb": 3}. It goes on by itself, and needs 1.5 more turns.' in texts[1]
+    assert result.errors == []

@@ -115,3 +115,23 @@ def test_a_saved_policy_moves_and_does_deeds(tmp_path):
     with pytest.raises(BadValue, match=f"gives {heads - 1} numbers, and {heads} are needed"):
         wrong = Sequential(Linear(random.normal(size=(heads - 1, entries))))
         rl.save_policy(wrong, tmp_path / "no.safetensors", game, team="red")
+
+
+def test_learners_see_how_much_of_a_deed_that_lasts_they_have_done():
+    defuse = {"fields": {}, "turns": 4, "interrupted_by": ["move"], "on_interrupt": "resume"}
+    with rl.Learners(scene({"rest": None}, rules=[TAG]), teams=["red"]) as learners:
+        entries = learners.observe().shape[2]
+    with rl.Learners(scene({"rest": None, "defuse": defuse}, rules=[TAG]), 2, teams=["red"]) as learners:
+        assert learners.observe().shape[2] == entries + 1
+        choice = learners.deeds.names.index("defuse()")
+        assert learners.deed_masks[..., choice].all()
+        chosen = np.array([[choice, 0], [0, choice]])
+        learners.step(np.zeros((2, 2), np.int64), chosen)
+        for done in (0.25, 0.5, 0.75):
+            assert learners.observe()[..., -2].tolist() == np.where(chosen > 0, done, 0.0).tolist()
+            assert (learners.deed_masks[..., choice] == (chosen == 0)).all()
+            learners.step(np.zeros((2, 2), np.int64))
+        assert not learners.observe()[..., -2].any()
+        assert learners.deed_masks[..., choice].all()
+        done = [deed["agent"] for game in range(2) for deed in learners.games.result(game).deeds]
+        assert done == ["red_0", "red_1"]

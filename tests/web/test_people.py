@@ -194,6 +194,20 @@ def test_flyers_get_a_direction_and_deeds_name_who_is_in_sight():
     assert result.deeds[0]["whom"] == "bert"
 
 
+def test_a_person_sees_which_deed_an_agent_is_doing():
+    asked = []
+
+    def answer(people, name, question):
+        asked.append(question.get("doing"))
+        deed = {"do": {"dig": {}}}
+        people.choose(name, {"question": question["question"], "move": question["here"], **deed})
+
+    with context(web.human(seconds=60.0), deeds={"dig": {"fields": {}, "turns": 1.5}}) as ctx:
+        result, _ = play(ctx, answer, 2)
+    assert asked == [None, {"kind": "dig", "since": 0.0, "left": 0.5, "values": {}}]
+    assert [deed["time"] for deed in result.deeds] == [1.5]
+
+
 RADIO = {"range_m": 100.0, "max_bytes_per_turn": 12, "teams": ["red", "blue"]}
 
 

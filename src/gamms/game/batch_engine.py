@@ -47,6 +47,7 @@ from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
 from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import DeclaredDeeds, checked_value
+from gamms.game.lasting import DoingReader
 from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.legality import IllegalAction
@@ -61,6 +62,7 @@ from gamms.ir.game_state import PHASES
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.progress import TurnInterrupted
+from gamms.readonly import copied
 from gamms.text import as_code, shown
 from gamms.typing.actions import one_step
 from gamms.typing.agent_engine import IAgent
@@ -125,8 +127,7 @@ class GamesOnOneMap:
         settings = game.settings()
         if settings["team_memory"]:
             state.share_memories()
-        check = partial(checked_value, ctx=game.ctx)
-        state.deeds = DeclaredDeeds(settings["deeds"], check, roster.names, state.streets, state.roads.are_open)
+        self._declare_deeds(settings)
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
@@ -191,6 +192,22 @@ class GamesOnOneMap:
         for one in rules:
             if one.spec.prepare_arrays is not None:
                 one.spec.prepare_arrays(self.state)
+
+    def _declare_deeds(self, settings: Mapping[str, Any]) -> None:
+        """Tell the state of the games which deeds there are, and what agents are doing."""
+        state = self.state
+        roster = state.roster
+        check = partial(checked_value, ctx=self.game.ctx)
+        state.deeds = DeclaredDeeds(settings["deeds"], check, roster.names, state.streets, state.roads.are_open)
+        if state.deeds.lasting:
+            self._first_data = copied(self.game.internals.state.data)
+            state.doings = DoingReader(settings, roster.names, roster.teams_by_agent(), self._data_of)
+
+    def _data_of(self, number: int) -> Mapping[Any, Any]:
+        """Return `ctx.game.data` of a game."""
+        row = self._pointed.rows[number]
+        shown = self._first_data if row is None or row.data is None else row.data
+        return self.state.data_apart.get(number, shown)
 
     @property
     def _at_arrivals(self) -> bool:

@@ -7,15 +7,18 @@ Three rules, which a game has if it declares such a deed, play it. What agents a
 All times are numbers of turns since the start of the game: 4.25 is a quarter into the fifth turn.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from math import inf
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from gamms.game.deeds import Duration, list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import Rank, RuleSpec, Settings, declared
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import ANYTHING, NUMBER, TEXT, at, dict_of, list_of, record, tuple_of
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -93,6 +96,68 @@ def doing_of(name: str, team: object, state: GameState, settings: Settings, now:
         "left": max(0.0, doing.until - present),
         "values": dict(doing.values),
     }
+
+
+class Doings(NamedTuple):
+    """What agents are doing, each (games, agents).
+
+    Attributes:
+        kind: the index of the deed among the declared ones; -1: the agent does none that lasts.
+        since: when it began; 0 without a deed.
+        left: the turns that are left; 0 without a deed.
+    """
+
+    kind: IntArray
+    since: FloatArray
+    left: FloatArray
+
+
+class DoingReader:
+    """Reads what agents are doing, in many games.
+
+    Args:
+        settings: the settings of the games.
+        names: the names of the agents.
+        teams: their teams.
+        data_of: returns `ctx.game.data` of a game by its number.
+
+    Attributes:
+        lengths: the index of each deed that lasts among the declared ones, and how many turns it takes.
+    """
+
+    def __init__(
+        self,
+        settings: Mapping[str, Any],
+        names: Sequence[str],
+        teams: Sequence[Any],
+        data_of: Callable[[int], Mapping[Any, Any]],
+    ) -> None:
+        lasting = list_lasting(settings["deeds"])
+        self._kinds = {kind: number for number, kind in enumerate(settings["deeds"])}
+        self.lengths = [
+            (self._kinds[kind], lasts.in_turns(settings["turn_seconds"])) for kind, lasts in lasting.items()
+        ]
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._begins = np.array([_begin_of_part(settings["order"], team) for team in teams])
+        self._data_of = data_of
+
+    def read(self, games: IntArray, agents: IntArray, turn: IntArray, time: FloatArray) -> Doings:
+        """Return what agents are doing; the arguments are those of a view."""
+        shape = len(games), len(agents)
+        kind = np.full(shape, -1)
+        since = np.zeros(shape)
+        left = np.zeros(shape)
+        column_of = {number: column for column, number in enumerate(agents.tolist())}
+        for row, game in enumerate(games.tolist()):
+            for deed, kept in self._data_of(game).get(DOING, {}).items():
+                for name, begun in kept["begun"].items():
+                    column = column_of.get(self._numbers.get(name, -1))
+                    if column is not None:
+                        kind[row, column] = self._kinds.get(deed, -1)
+                        since[row, column] = begun["since"]
+                        left[row, column] = begun["until"]
+        now = turn[:, None] + np.maximum(time[:, None], self._begins[agents])
+        return Doings(kind, since, np.where(kind >= 0, np.maximum(left - now, 0.0), 0.0))
 
 
 # -- before agents move -------------------------------------------------------------------------------------------

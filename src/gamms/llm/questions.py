@@ -157,7 +157,8 @@ def question_of(
         text = template(state)
         if not isinstance(text, str):
             raise BadType(f"template(state) must return a text, not {shown(text)}.")
-    remarks = "".join(f"\n{line}" for line in _remarks(state.get("memory")))
+    lines = [*_doing_lines(state.get("doing")), *_remarks(state.get("memory"))]
+    remarks = "".join(f"\n{line}" for line in lines)
     return Question(_cut(text, _MOST_OF_A_TEXT) + remarks, _schema_of(state, ctx, moves, notes=notes), moves)
 
 
@@ -182,6 +183,14 @@ def _remarks(memory: object) -> list[str]:
     """Return lines about the last answer of an agent, from its memory, which may come from any recording."""
     kept = _remembered(memory)
     return [f"{_REMARKS[name]}{quoted(kept[name])}" for name in _REMARKS if isinstance(kept.get(name), str)]
+
+
+def _doing_lines(doing: Mapping[str, Any] | None) -> list[str]:
+    """Return a line about the deed that an agent is doing; none if it does none that lasts."""
+    if doing is None:
+        return []
+    deed = f"{quoted(doing['kind'])} with {quoted(dict(doing['values']))}"
+    return [f"You are doing {deed}. It goes on by itself, and needs {_number(doing['left'])} more turns."]
 
 
 def _remembered(memory: object) -> Mapping[str, Any]:

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.array_functions.view import ArrayView, movement_in
+from gamms.game.array_functions.view import ArrayView, lasting_in, movement_in
 from gamms.game.deeds import DeclaredField
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
@@ -91,10 +91,16 @@ class DeedChoices:
         return len(self.names)
 
     def masks(self, view: ArrayView) -> BoolArray:
-        """Return a mask of the choices of a view's agents, (games, agents, choices); a rule may still refuse one."""
+        """Return a mask of the choices of a view's agents, (games, agents, choices); a rule may still refuse one.
+
+        While an agent does a deed that lasts, it can choose no deed that lasts.
+        """
         degrees = self._degrees[view.node][..., None]
         found: BoolArray = (self._needs["node"] <= view.counts[..., None]) & (self._needs["edge"] <= degrees)
         found[..., 1:] &= view.mask[..., None]
+        for number, _ in lasting_in(view):
+            deed = self._deeds[number]
+            found[..., deed.first : deed.first + len(deed.options)] &= view["doing"].kind[..., None] < 0
         are_there = view.is_there
         if not are_there.all():
             for choice, agent in self._names:

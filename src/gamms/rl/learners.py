@@ -14,7 +14,7 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.array_functions.given import OutsideActions
-from gamms.game.array_functions.view import ArrayView, LearnerWriter, movement_in, vectors_in, writer_of
+from gamms.game.array_functions.view import ArrayView, LearnerWriter, lasting_in, movement_in, vectors_in, writer_of
 from gamms.game.batch import (
     Batch,
     MostAgents,
@@ -625,7 +625,7 @@ class Learners:
         """Choose whether the core writes the legal actions, and the observations."""
         self._writer: LearnerWriter | None = None
         self._is_written = False  # whether the writer has written the current turn
-        self._has_vectors = self.observation is default_observation
+        self._has_vectors = self.observation is default_observation and not lasting_in(self._views(0)[0])
         self._roster = self.games.roster
         if self.games.is_in_arrays:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
@@ -803,8 +803,8 @@ def _num_public(view: ArrayView) -> int:
 def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
     """Return the default observation: (games, agents, entries).
 
-    The entries are those of `ArrayView.vector` with up to 8 other agents; `z`, if an agent of the game flies; and last
-    `turn`: the share n / (n + 100) after n turns.
+    The entries are those of `ArrayView.vector` with up to 8 other agents; for each deed that lasts, the share that the
+    agent has done of it; `z`, if an agent of the game flies; and last `turn`: the share n / (n + 100) after n turns.
 
     Args:
         view: the view of the agents.
@@ -829,7 +829,13 @@ def straight_observation(view: ArrayView) -> Float32Array:
 def _default_vectors(view: ArrayView, threads: int) -> Vectors:
     """Return the vectors of `default_observation`, with the names of the first entries."""
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
-    found = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z, threads)
+    lasting = lasting_in(view)
+    found = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z + len(lasting), threads)
+    if lasting:
+        doing = view["doing"]
+        first = found.values.shape[2] - 1 - has_z - len(lasting)
+        for number, (kind, turns) in enumerate(lasting):
+            found.values[..., first + number] = np.where(doing.kind == kind, 1.0 - doing.left / turns, 0.0)
     if has_z:
         z = view["z"] * (2.0 / _longer_side(view.streets.columns.xy))
         found.values[..., -2] = np.where(view.mask, z, 0.0)

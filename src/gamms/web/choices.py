@@ -60,6 +60,7 @@ class Question:
         channels: the available channels: name -> `to`, the possible receivers, and `bytes`, the maximum number of bytes
             per turn (None: no limit).
         inbox: the last received messages, as JSON.
+        doing: the deed that lasts and that the agent is doing, as in its state; None: it does none.
         limit_s: the time that the person has for the answer, seconds.
         began: the time when the question was asked, or when the person first connected, by `time.monotonic()`.
         until: the deadline, by `time.monotonic()`.
@@ -79,6 +80,7 @@ class Question:
     deeds: dict[str, dict[str, dict[str, Plain]]]
     channels: dict[str, dict[str, Plain]]
     inbox: list[Plain]
+    doing: Plain
     limit_s: float
     began: float
     until: float
@@ -94,6 +96,8 @@ class Question:
         asked = {"question": self.number, "agent": self.agent, "turn": self.turn, "here": self.here, "moves": moves}
         left = round(max(self.until - monotonic(), 0.0), 3)
         offered: dict[str, Plain] = {"speed": self.speed, "deeds": self.deeds, "channels": self.channels}
+        if self.doing is not None:
+            offered["doing"] = self.doing
         return {**asked, **offered, "inbox": self.inbox, "left_s": left, "is_chosen": self.chosen is not None}
 
 

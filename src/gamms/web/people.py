@@ -287,6 +287,7 @@ class People(PartOfServer):
                 deeds_of(state, person.agents, ctx),
                 channels_of(state, person.agents, ctx),
                 inbox_of(state),
+                as_json(state.get("doing")),
                 *(min(seconds, latest), now, until, wake),
             )
             self._questions[question.number] = (person.name, question)

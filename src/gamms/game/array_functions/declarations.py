@@ -23,6 +23,7 @@ from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import DeclaredDeeds, checked_value
+from gamms.game.lasting import DoingReader
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import graph_of
@@ -168,6 +169,9 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.kept = game.data.get(KEPT, {})
     state.unchecked = game.internals.unchecked_arrays
     state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster.names, streets)
+    if state.deeds.lasting:
+        values = game.internals.state
+        state.doings = DoingReader(game.settings(), roster.names, roster.teams_by_agent(), lambda _: values.data)
     if state.flights is not None:
         flying: list[Any] = [roster.agents[number] for number in state.flyers.tolist()]
         state.position[0] = [agent.position for agent in flying]

@@ -36,6 +36,7 @@ from gamms.game.block.vectors import (
     write_vectors,
 )
 from gamms.game.conflicts import flat
+from gamms.game.lasting import DoingReader, Doings
 from gamms.game.messages import OutgoingMessages, ReceivedMessages
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.noted_moves import Places
@@ -183,6 +184,12 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
 
     def _time(self) -> FloatArray:
         return self._state.time[self.games]
+
+    def _doing(self) -> Doings:
+        reader: DoingReader | None = self._state.doings
+        if reader is None:
+            raise UnknownName("key of a view: as ctx.game.deeds declares no deed that lasts, it has no", "doing")
+        return reader.read(self.games, self.agents, self.turn, self._time())
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.legal_rows()
@@ -692,6 +699,12 @@ def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
         yield places, view.in_games(places)
 
 
+def lasting_in(view: ArrayView) -> list[tuple[int, float]]:
+    """Return the index of each deed that lasts among the declared ones, and how many turns it takes."""
+    reader: DoingReader | None = view._state.doings
+    return [] if reader is None else reader.lengths
+
+
 def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
     """Return the vectors of a view with additional entries; see `Encoder.made`."""
     return view._encoded(others, more, threads)
@@ -743,6 +756,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "sensor": _sensors,
     "blocked": lambda view: view._blocked,
     "deeds": lambda view: view._state.deeds.declared,
+    "doing": lambda view: view._doing(),
     "inbox": lambda view: _LazyMapping(view._channels, view.heard),
 }
 

@@ -575,6 +575,8 @@ class GameArrays(BatchColumns):
         movement: the movement of the agents.
         streets: the graph on which agents move.
         tell: called with each failure, to inform the agent.
+        doings: reads what agents are doing; None: no deed lasts. Any: its class imports this module.
+        data_apart: `ctx.game.data` of games that are played in contexts of their own, by number.
         deeds: the deeds that agents may do besides moving.
         noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
         noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
@@ -640,6 +642,8 @@ class GameArrays(BatchColumns):
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
         self.tell: Callable[[Failure], None] = _tell_nobody
+        self.doings: Any = None
+        self.data_apart: dict[int, Mapping[Any, Any]] = {}
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
         self.strategy_in: Callable[[object], Any] | None = None

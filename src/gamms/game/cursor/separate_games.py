@@ -91,6 +91,7 @@ class SeparateGames:
             for known in (self.reasons, self.ran_from, self._turns, self._results, self._beyond_arrays):
                 known.pop(number, None)
             self._unobserved.discard(number)
+            self._engine.state_in(number).data_apart.pop(number, None)
             self._engine.take_back(number)
 
     def close(self) -> None:
@@ -286,6 +287,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
         state.noted_moves = NotedMoves(state.node.shape)
         note_sensors(state, with_nodes=True)
         state.shared.clear()
+    state.data_apart[number] = game.internals.state.data
     ctx = game.ctx
     known = ctx.agent.agents
     names = state.roster.names

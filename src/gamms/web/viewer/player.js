@@ -17,7 +17,7 @@ const ARROWS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowD
  * @typedef {object} Question of the server, about one agent
  * @property {number} question @property {string} agent @property {number} turn @property {number | number[]} here
  * @property {(number | null)[] | null} moves nodes; null among them: stop on the edge; null: it flies
- * @property {number} speed @property {Record<string, Record<string, Field>>} deeds @property {number} left_s @property {boolean} is_chosen
+ * @property {number} speed @property {Record<string, Record<string, Field>>} deeds @property {{ kind: string, left: number }} [doing] @property {number} left_s @property {boolean} is_chosen
  * @property {Record<string, {to: any[], bytes: number | null}>} channels by which it can send @property {any[]} inbox what it hears
  * @typedef {{x: number, y: number, move?: number | null, direction?: number[], distance?: number, words: string}} Option what can be chosen, and where that is
  */
@@ -105,6 +105,7 @@ export class Player {
       const isTouch = matchMedia("(pointer: coarse)").matches;
       const where = `${isTouch ? "Touch" : "Click"} ${question.moves === null ? "where it flies to" : "a marked place"}`;
       this.words.textContent = isTouch ? `${where}.` : `${where}, or use ${question.moves === null ? "" : "numbers or "}arrow keys and Enter.`;
+      if (question.doing) this.words.textContent += ` ${question.agent} is doing ${question.doing.kind}, with ${+question.doing.left.toFixed(2)} turns left.`;
       this.#showMoves(question);
       this.#showDeeds(question);
       refill(this.inbox, ...question.inbox.map((one) => element("li", {}, element("b", { text: one.sender }), element("span", { class: "aside", text: ` ${one.overheard ? "(overheard) " : ""}${one.channel} ` }), wordsOf(one.body))));
