@@ -49,6 +49,8 @@ class DecidePhase(NotPickled):
             set by `decide_in_this_task`; None, UNREAD: no strategy is running. Any: the class depends on the agent
             engine.
         read_turn: if `agent` is UNREAD, makes the states of agents, and the data of their sensors, of the last turn.
+        read_looks: makes states of agents, and data of their sensors, that the context does not have, before they are
+            read; None: it has all.
         are_moves_unread: whether it makes the moves of that turn, too.
         are_memories_known: whether the program has read memories of agents, which it may hold.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
@@ -70,7 +72,7 @@ class DecidePhase(NotPickled):
     __slots__ = (
         *("_is_reading", "_reading", "agent", "agent_kinds", "are_memories_known", "are_moves_unread"),
         *("before_reading", "created", "epoch", "known_names", "moment", "owner_changes", "player"),
-        *("read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("read_looks", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -80,6 +82,7 @@ class DecidePhase(NotPickled):
     def __init__(self) -> None:
         self.agent: Any = None
         self.read_turn: Callable[[], None] | None = None
+        self.read_looks: Callable[[], None] | None = None
         self.are_moves_unread = False
         self.are_memories_known = False
         self._reading = RLock()
@@ -145,6 +148,12 @@ class DecidePhase(NotPickled):
             self.agent = UNREAD
         elif self.agent is UNREAD:
             self.agent = None
+
+    def read_all_looks(self) -> None:
+        """Make the end of the last turn, and all states of agents and data of sensors, unless they are made."""
+        self.read_last_turn()
+        if self.read_looks is not None:
+            self.read_looks()
 
     def read_last_turn(self) -> None:
         """Make the end of the last turn, unless it is made."""

@@ -133,3 +133,78 @@ def test_no_game_has_played_a_turn_in_which_a_separate_one_raises():
             raises[0] = False
             games.run()
             assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("act", ["speed", "rule", "edge", "flags", "memories", "strategy"])
+def test_a_function_is_called_once_in_each_turn_of_a_game_that_leaves(act, phase, caplog):
+    def rule(ctx):
+        ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+        if ctx.game.turn == 3 and ctx.seed:
+            ACTS[act](ctx)
+
+    with scene([TAG, FLAGS], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(rule, phase=phase)
+        with ctx.game.batch(seeds=range(3)) as games:
+            for _ in range(2):
+                games.step()
+            games.run()
+            first = 1 if phase == "after" else 0
+            said = [f"seed {seed}, turn {turn}" for seed in range(3) for turn in range(first, first + 6)]
+            assert sorted(caplog.messages) == said
+            assert act == "edge" or [*games.detached] == [1, 2]
+
+
+def test_rules_that_follow_in_the_turn_see_what_agents_have_sensed_before_the_game_left():
+    def slow_down(ctx):
+        if ctx.game.turn == 3:
+            ctx.game.max_turns = 8
+
+    def recall(ctx):
+        if ctx.game.turn in (3, 4, 6):
+            states = [ctx.agent.get_agent(name).state for name in ("red_0", "blue_0")]
+            ctx.game.scores["seen"] += sum(len(str(state["sensor"])) + state["action"] for state in states)
+            ctx.game.scores["near"] += len(ctx.agent.get_agent("red_1").sensors["next"].data)
+
+    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type": "NEIGHBOR"}}
+    walkers = {"count": 2, "strategy": "gamms.strategies:random_walk", "sensors": ["near", "next"]}
+    with scene([TAG, "respawn"], teams={"red": walkers, "blue": walkers}, sensors=eyes).build(seed=1) as ctx:
+        ctx.game.add(slow_down)
+        ctx.game.add(recall)
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached.values()] == ["a plain function changes settings, rules or collectors"] * 3
+            assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_a_function_that_changes_a_setting_and_raises_keeps_the_change_in_a_single_game(phase):
+    def fail(ctx):
+        if ctx.game.turn == 3 and ctx.game.legal == "edges":
+            ctx.game.legal = "any"
+            raise ZeroDivisionError
+
+    with scene([TAG], max_turns=9).build(seed=1) as ctx:
+        ctx.game.add(fail, phase=phase)
+        ctx.game.add(score)
+        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
+            alone.game.reset(seed=0)
+            for play in (games.step, alone.game.step):
+                for turn in range(4 if phase == "before" else 3):
+                    if turn == (3 if phase == "before" else 2):
+                        with pytest.raises(ZeroDivisionError):
+                            play()
+                    else:
+                        play()
+            games.run()
+            assert plain(games.result(0)) == plain(alone.game.run())
+
+
+def test_a_game_that_has_left_cannot_be_reset_in_its_context():
+    with open_with("speed") as ctx, ctx.game.batch(seeds=range(3)) as games:
+        for _ in range(3):
+            games.step()
+        with pytest.raises(BadValue, match=r"games.reset\(\[0\]\)"):
+            games.context(0).game.reset()
+        games.reset([0])
+        assert games.turn.tolist() == [0, 3, 3]

@@ -185,7 +185,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def state(self) -> State:
         """The last result of `get_state`; `{}` before the first call. While agents decide, each sees only its own."""
         phase = self._phase
-        phase.read_last_turn()
+        phase.read_all_looks()
         if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
             phase.refuse(f"read the state of agent {self.name!r}")
         phase.are_memories_known = True

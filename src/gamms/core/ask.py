@@ -397,6 +397,7 @@ class GamesInContext:
 
     Attributes:
         why: why the game leaves the batch that is shown; "": it does not.
+        raised: what the function has raised that was called last; None: nothing.
         row: what Python holds of it, as a `RowValues`; None: as at the start.
         facts_shown: its facts before the function that is called.
         core_facts: the key of each fact that the core knows, and its values in the games that are shown.
@@ -422,6 +423,7 @@ class GamesInContext:
         self.facts_shown: dict[str, Any] = facts
         self.core_facts: list[tuple[str, list[Any]]] = []
         self.why = ""
+        self.raised: BaseException | None = None
         self.row: Any = None
         self.journal: Any = None
         self.table: TurnCounter
@@ -494,9 +496,13 @@ class GamesInContext:
                 self._state.notice_interrupt()
             self.show(games, at)
             begun = self.table.begun
+            self.raised = None
             try:
                 try:
                     function(*args)
+                except BaseException as error:
+                    self.raised = error
+                    raise
                 finally:
                     if not self.why and self.has_changed():
                         self.take()

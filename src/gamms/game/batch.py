@@ -40,7 +40,7 @@ from gamms.game.block.columns import (
     drawn_maps,
     roster_of,
 )
-from gamms.game.block.state import Columns, GameArrays
+from gamms.game.block.state import Columns, GameArrays, LeavingGame
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
@@ -358,7 +358,7 @@ class Batch(Surface, Immutable, NotPickled):
         going = separate.going if separate and self._ran_from is None else []
         separate.check(given if going else {})
 
-        def play_others(leaving: dict[int, str]) -> None:
+        def play_others(leaving: dict[int, LeavingGame]) -> None:
             self._take_leaving(leaving, turns)
             if self._ran_from is None:
                 separate.step([*going, *leaving], given)
@@ -371,11 +371,14 @@ class Batch(Surface, Immutable, NotPickled):
             self._begin_again()
             self._play_turn(given, threads, self._engine.turns())
 
-    def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
-        """Continue games in contexts of their own after `turns`, (games,), or after those before the current run."""
+    def _take_leaving(self, leaving: Mapping[int, LeavingGame], turns: IntArray) -> None:
+        """Play games in contexts of their own from now on.
+
+        Games that have to begin again do so after `turns`, (games,), or after those before the current run.
+        """
         before = turns if self._ran_from is None else self._ran_from
-        for number, why in leaving.items():
-            self._separate.add(number, why, int(before[number]))
+        for number, one in leaving.items():
+            self._separate.add(number, one.why, int(before[number]), one.game)
 
     def _begin_again(self) -> None:
         """Play all games again up to the last turn, because other functions are called from now on."""
@@ -493,9 +496,10 @@ class Batch(Surface, Immutable, NotPickled):
             if show is not None:
                 self._show_progress(show)
         if before is not None and global_state() != before:
+            self._separate.begin_again()
             others = [number for number in range(len(self)) if number not in self._separate]
             why = "a plain function draws from the global generators of random numbers"
-            self._take_leaving(dict.fromkeys(others, why), self.turn)
+            self._take_leaving(dict.fromkeys(others, LeavingGame(why, None)), self.turn)
 
     def _try_play(
         self,
@@ -918,8 +922,11 @@ class Batch(Surface, Immutable, NotPickled):
         game.reset(seed=seed)
         return game
 
-    def _let_go(self, number: int, game: PlayedGame) -> None:
-        """Keep the context of a game that has ended for the next one of its source that needs one."""
+    def _let_go(self, number: int, game: PlayedGame, *, is_reset: bool) -> None:
+        """Keep the context of a game that has ended, if it can be reset, for the next game of its source."""
+        if not is_reset:
+            game.ctx.terminate()
+            return
         source = int(self._source_of[number])
         known = self._spare.pop(source, game)
         if known is not game:

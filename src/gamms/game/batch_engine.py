@@ -33,7 +33,7 @@ from gamms.game.block.columns import (
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
-from gamms.game.block.state import GameArrays, LeavesSharedContext
+from gamms.game.block.state import GameArrays, LeavesSharedContext, LeavingGame
 from gamms.game.conflicts import flat, refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
@@ -980,7 +980,7 @@ class BatchEngine(TurnDriver):
         given: Mapping[Hashable, OutsideActions],
         threads: int = 1,
         only: BoolArray | None = None,
-        play_others: Callable[[dict[int, str]], None] | None = None,
+        play_others: Callable[[dict[int, LeavingGame]], None] | None = None,
     ) -> None:
         """Play one turn of all games that are not over.
 
@@ -988,8 +988,8 @@ class BatchEngine(TurnDriver):
             given: team -> the actions of its agents, which replace their decisions.
             threads: the number of threads.
             only: (games,) a mask of the games to play; None: all.
-            play_others: plays the turn of the games in contexts of their own; its argument says why some of these games
-                have not played this turn here.
+            play_others: plays the turn of the games in contexts of their own; its argument has the games that have left
+                in this turn.
 
         Raises:
             BeginsAgain: array functions are called game by game from now on; the games have to begin again.
@@ -1005,8 +1005,13 @@ class BatchEngine(TurnDriver):
                 self._begin_turn(playing, given, threads)
                 self.play_turn()
                 if play_others is not None:
-                    play_others({**leaving})
+                    taken = {**leaving}
+                    leaving.clear()
+                    play_others(taken)
         finally:
+            for one in leaving.values():  # another game has raised an error
+                if one.game is not None:
+                    one.game.ctx.terminate()
             leaving.clear()
 
     def interrupt(self) -> None:

@@ -265,11 +265,15 @@ class Game(Surface, RuleVerbs):
         phase = self._phase
         # NOTE: once for each epoch, because each look at parts of the context costs (benchmarks: turns)
         is_ready = self._ready_at == phase.epoch and state.has_begun and state.over is None
-        if not is_ready and not self._begin_turn():
+        goes_on = not is_ready and self._turns.begun is not None
+        if not (is_ready or goes_on or self._begin_turn()):
             return False
         phase.player = get_ident()
         try:
-            self._turns.play_turn()
+            if goes_on:
+                self._turns.finish_turn()
+            else:
+                self._turns.play_turn()
         finally:
             phase.player = None
         return state.over is None
@@ -358,7 +362,9 @@ class Game(Surface, RuleVerbs):
                     self._in_core.make_last_turn()
                 self.ctx.record.start(record, sensed=sensed, overwrite=True)
                 stack.callback(self.ctx.record.stop)
-            with seeded_for_run(self.ctx, self._state.turn), progress_line() as show:
+            began = self._internals.run_began
+            self._internals.run_began = None
+            with seeded_for_run(self.ctx, self._state.turn if began is None else began), progress_line() as show:
                 self._play_until(last, show if progress else None)
             if len(self.errors) > known:
                 self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
@@ -378,6 +384,8 @@ class Game(Surface, RuleVerbs):
                 warn_at = None
                 warn_of_no_end(self.ctx.logger)
 
+        if self._turns.begun is not None and not self._take_turn():
+            return
         ahead = self._ahead(last, after_turns)
         while (last is None or self._state.turn < last) and self._begin_turn() and next(ahead):
             if not self._take_turn():
@@ -491,6 +499,11 @@ class Game(Surface, RuleVerbs):
         """
         wanted = None if seed is None else as_int(seed, "seed")
         self._refuse_in_turn("reset")
+        if self._internals.left_as is not None:
+            raise BadValue(
+                f"This game has left its batch in the middle of a turn, and this context has not its start: "
+                f"games.reset([{self._internals.left_as}]) begins it again."
+            )
         state = self._state
         start = self._state.start
         if state.has_begun and start is not None:

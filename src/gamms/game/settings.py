@@ -410,8 +410,9 @@ class RuleSpec:
             in each of these games. None: the fact does not change.
         begin_arrays: called with the context and the state of a batch; returns the arrays that the form of the core
             keeps about the game of the context, which may have begun: key -> name -> array of one game.
-        show_arrays: called with the context, the state of a batch of its game alone, the new events, and how many of
-            the last turn are from later rules; writes what the form of the core keeps about the game into the context.
+        show_arrays: called with the context, the state of a batch of its game alone, or its `GameRow`, the new events,
+            and how many of the last turn are from later rules, None: unknown; writes what the form of the core keeps
+            about the game into the context.
         is_array_function: whether the rule was made from its array form.
         follows_tags: whether the rule is called after the first rules of its rank that act as one, which are tags.
     """
@@ -441,7 +442,7 @@ class RuleSpec:
     prepare_arrays: Callable[[Any], object] | None = None
     facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
-    show_arrays: Callable[[Any, Any, list[dict[str, Any]], int], object] | None = None
+    show_arrays: Callable[[Any, Any, list[dict[str, Any]], int | None], object] | None = None
     is_array_function: bool = False
     follows_tags: bool = False
 
@@ -617,7 +618,7 @@ class _RulePlayer(NamedTuple):
     play: Callable[[], object]
 
 
-def _in_order(rules: Iterable[NamedRule]) -> tuple[NamedRule, ...]:
+def _in_order(rules: Sequence[NamedRule]) -> tuple[NamedRule, ...]:
     """Return rules by rank, then in their order; a rule that follows tags comes after them, or else first."""
     specs = {one.name: one.spec for one in rules}
     tags = next((place for place, one in enumerate(rules) if specs[one.name].act_as_one is not None), -1)
@@ -628,6 +629,30 @@ def _in_order(rules: Iterable[NamedRule]) -> tuple[NamedRule, ...]:
         return spec.rank, tags + 0.5 if spec.follows_tags else place
 
     return tuple(one for _, one in sorted(enumerate(rules), key=place_of))
+
+
+class BegunPhase(NamedTuple):
+    """A phase of rules that was begun in a batch; the game goes on in it in a context of its own.
+
+    Attributes:
+        phase: the name of the phase.
+        rules: the rules of the game when the phase began.
+        called: how many of the rules that the phase calls were called.
+        raised: what the last of them has raised; None: nothing.
+        collects: whether the collectors of the turn are still to be called.
+    """
+
+    phase: str
+    rules: Sequence[NamedRule]
+    called: int
+    raised: BaseException | None = None
+    collects: bool = True
+
+    @classmethod
+    def after(cls, rule: NamedRule, table: RuleTable) -> "BegunPhase":
+        """Return the phase of a rule of a table, after this rule was called."""
+        names = [joined.name for _, joined in table.of_phase[rule.phase]]
+        return cls(rule.phase, table.rules, names.index(rule.name) + 1)
 
 
 class RuleSet:
@@ -723,17 +748,23 @@ class RuleSet:
             if before.get(artist) != drawing and not (artists is None and isinstance(drawing[0], str)):
                 propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
-    def apply(self, phase: str, state: GameState) -> bool:
+    def apply(self, phase: str, state: GameState, begun: BegunPhase | None = None) -> bool:
         """Call the rules of a phase, including rules that are added meanwhile, without rules that are removed.
 
         If a rule of the phase "before" ends the game, the rest is skipped. Return whether a rule was called.
+
+        Args:
+            phase: the phase.
+            state: the state of the game.
+            begun: the rules that were called already; None: none were.
         """
-        known = self.now
-        called = self._players.get(phase)
-        if called is None:
-            called = [self._player_of(*one) for one in known.of_phase[phase]]
-            self._players[phase] = called
-        seen = known.rules
+        known: RuleTable | None = self.now
+        seen = self.now.rules
+        called = self._list_players(phase)
+        if begun is not None:
+            known = None  # rules may have been removed since
+            seen = tuple(begun.rules)
+            called = self._list_left(begun, state)
         was_called = False
         while True:
             for player in called:
@@ -756,6 +787,25 @@ class RuleSet:
                 return was_called
             seen = (*seen, *added)
             called = [self._player_of(*one) for one in _groups([one for one in added if one.phase == phase])]
+
+    def _list_players(self, phase: str) -> "list[_RulePlayer]":
+        """Return what plays the rules of a phase."""
+        called = self._players.get(phase)
+        if called is None:
+            called = [self._player_of(*one) for one in self.now.of_phase[phase]]
+            self._players[phase] = called
+        return called
+
+    def _list_left(self, begun: BegunPhase, state: GameState) -> "list[_RulePlayer]":
+        """Return what plays the rest of a phase; raise what the last rule has raised that was called, if anything."""
+        groups = _groups([one for one in begun.rules if one.phase == begun.phase])
+        if begun.raised is not None:
+            if isinstance(begun.raised, Exception):
+                _add_place(begun.raised, groups[begun.called - 1][1], begun.phase, state, self._ctx)
+            raise begun.raised
+        if begun.phase == "before" and state.over is not None:
+            return []
+        return [self._player_of(*one) for one in groups[begun.called :]]
 
     def _player_of(self, group: Sequence[NamedRule], named: NamedRule) -> "_RulePlayer":
         """Return what plays rules that are called as one."""

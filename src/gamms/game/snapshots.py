@@ -13,7 +13,7 @@ from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, facts_for
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.result import Collectors, warn_of_idle
+from gamms.game.result import CollectorMark, Collectors, warn_of_idle
 from gamms.game.settings import NamedRule, NodesOf, Plan, RuleSet, RuleTable, Settings, refuse_misfits
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import Observer, TurnEngine
@@ -217,6 +217,8 @@ class ForkSource:
     def __init__(self, parts: SnapshotTaker, *, only_plain: bool) -> None:
         self._state = parts.state
         self._game = parts.ctx.game
+        if parts.turns.phase.read_looks is not None:
+            parts.turns.phase.read_looks()
         self.snapshot = (
             parts.take(GameState.plain_copies, _plain_values) if only_plain else parts.take(GameState.values, dict)
         )
@@ -248,6 +250,10 @@ class ForkSource:
             return places | began
         stored = {name: one for name, one in self.agents.roster.stored.items() if name not in began}
         return start.snapshot.places_of(stored) | began
+
+    def put_collectors(self, collectors: Mapping[str, CollectorMark]) -> None:
+        """Replace the collectors of the game; see `Collectors.snapshot`."""
+        self.snapshot._parts["collectors"] = collectors
 
     def make_fork(self, seed: int, fork: object = None) -> tuple[Any, Memo]:
         """Make a complete fork; call it once.
@@ -312,24 +318,20 @@ class ForkSource:
         given = {name: own(value, memo) for name, value in settings.items() if value is not defaults[name]}
         target.settings.configure(given)
         known: RuleTable = self.snapshot.part("rules")
-        rules = [one._replace(rule=own(one.rule, memo)) for one in known.rules]
+        rules = copy_rules(known.rules, memo)
         are_same = all(new.rule is one.rule for new, one in zip(rules, known.rules, strict=True))
         target.rules.replace(known if are_same and not known.changed() else RuleTable(tuple(rules)))
 
     def _renew_states(self, target: SnapshotTaker) -> None:
         """Insert what agents of the fork know into their last states, and their streams when one is read."""
-        fork = PrivateForks(target.ctx)
         states = []
         for agent, team_memory in zip(target.ctx.agent.storage.made(), self._team_memories, strict=True):
             state = cast("dict[str, Any]", agent.state)
             if "memory" in state:
-                state["memory"] = target.state.memory_of(agent.name)
-                state["team_memory"] = copied(team_memory)
-                state["facts"] = facts_for(agent.name, agent.team, target.state, target.ctx.game.facts)
-                state["fork"] = fork
+                renew_state(target, agent, state, team_memory)
                 states.append((agent, state))
         if states:
-            target.turns.phase.leave_unread(partial(_renew_streams, target, states))
+            target.turns.phase.leave_unread(partial(renew_streams, target, states))
 
     def _note_functions(self, sensors: Iterable[Any]) -> None:
         """Note what the functions of the game hold, those of its sensors, too; see `own`."""
@@ -400,7 +402,20 @@ def _twin_of(memo: Memo, agent: Any) -> Any:
     return memo.get(id(agent)) or copied_part(agent, memo)
 
 
-def _renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, Any]]]) -> None:
+def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:
+    """Return the counterparts of rules in a fork; see `own`."""
+    return [one._replace(rule=own(one.rule, memo)) for one in rules]
+
+
+def renew_state(target: SnapshotTaker, agent: IAgent, state: dict[str, Any], team_memory: object) -> None:
+    """Insert what an agent of a game knows into a copy of its last state in another game."""
+    state["memory"] = target.state.memory_of(agent.name)
+    state["team_memory"] = copied(team_memory)
+    state["facts"] = facts_for(agent.name, agent.team, target.state, target.ctx.game.facts)
+    state["fork"] = PrivateForks(target.ctx)
+
+
+def renew_streams(target: SnapshotTaker, states: list[tuple[IAgent, dict[str, Any]]]) -> None:
     """Insert the random streams of the fork into the last states of agents."""
     order = target.turns.order()
     for agent, state in states:
@@ -544,6 +559,8 @@ class GameInternals(ContextPart):
         named_idle: the teams that `warn_of_idle_teams` has named.
         checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
             recording was resumed.
+        left_as: the number of the game in the batch that it has left in the middle of a turn; None: it knows its start.
+        run_began: the turn in which the run of a batch began with which the next `run` goes on; None: it begins a run.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """
 
@@ -564,6 +581,8 @@ class GameInternals(ContextPart):
         self.kept: dict[str, Any] = {}
         self.named_idle = set[Hashable]()
         self.checks_start = False
+        self.left_as: int | None = None
+        self.run_began: int | None = None
         self.unchecked_arrays = set[Hashable]()
 
     def refuse_misfits(self) -> None:

@@ -24,7 +24,7 @@ from gamms.game.movement.moves import Refusals, TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.result import Collectors
-from gamms.game.settings import RuleSet, Settings, refuse_unused
+from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, show_numbers
@@ -65,6 +65,7 @@ class TurnEngine(GameTurn):
         collectors: the collectors of the game.
 
     Attributes:
+        begun: the phase of rules in which the game goes on that has left a batch; None: turns begin as usual.
         refusals: collects refusals of rules during their checks; else None.
         messages: the messages that agents send and hear.
         read_inbox: returns the messages that an agent hears, by its name.
@@ -89,6 +90,7 @@ class TurnEngine(GameTurn):
         self._settings = settings
         self.rules = rules
         self.collectors = collectors
+        self.begun: BegunPhase | None = None
         self.observers = list[Observer]()
         self.phases = {
             "decide": ("decide", self.play_decisions),
@@ -432,9 +434,32 @@ class TurnEngine(GameTurn):
         if self.messages.is_sending:
             self.messages.send_all(self.living())
 
+    def finish_turn(self) -> None:
+        """Play the rest of the turn that was begun in a batch; see `begun`."""
+        begun = self.begun
+        if begun is None:
+            return
+        try:
+            if begun.phase == "before":
+                if "before" not in self.rules.now.phases:
+                    self._apply_rules("before")
+                if self.state.over is None:
+                    self.play_turn()
+                return
+            try:
+                self._apply_rules("after")
+                if begun.collects and self.collectors.by_name:
+                    self._collect()
+            finally:
+                self.end()
+        finally:
+            self.begun = None
+
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
-        self.rules.apply(phase, self.state)
+        begun = self.begun
+        self.begun = None
+        self.rules.apply(phase, self.state, begun)
         self.state.timings["rules"] += perf_counter() - began
 
     def _do_deeds(self, turn: TurnMoves, number: int) -> None:

@@ -8,7 +8,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_name, shown_as_calle
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
-from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.block.state import Arrays, GameArrays, GameRow
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
@@ -155,7 +155,9 @@ class _FlagRule(FlagArguments):
             self._take(known, first, state.roster.teams, numbers, state.stops[0], fresh)
         return {("capture_flag", self.key): first}
 
-    def show_arrays(self, ctx: Context, state: GameArrays, events: list[dict[str, Any]], later: int) -> None:
+    def show_arrays(
+        self, ctx: Context, state: GameArrays | GameRow, events: list[dict[str, Any]], later: int | None
+    ) -> None:
         """Write the state of the rule in the core into the context; see `RuleSpec.show_arrays`."""
         kept = state.kept["capture_flag", self.key]
         data = self._state(ctx.game.internals.state)
@@ -168,6 +170,10 @@ class _FlagRule(FlagArguments):
         for team in dict.fromkeys((*data["captures"], *captured, *captures)):  # in the order of their first captures
             if captures.get(team):
                 data["captures"][team] = captures[team]
+        if later is None:
+            each = zip(kept["carriers"][0].tolist(), kept["stops"][0].tolist(), strict=True)
+            stops = {i: int(state.stops[0, i]) - known for i, known in each if i >= 0}
+            later = _count_later(events, {roster.names[i]: number for i, number in stops.items()})
         data["seen"] = len(ctx.game.events) - later
         self._publish(ctx, data["carriers"])
 
@@ -241,6 +247,17 @@ class _FlagRule(FlagArguments):
 
     def _fact(self, carriers: Mapping[Any, str | None]) -> dict[Hashable, dict[str, Any]]:
         return {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
+
+
+def _count_later(events: list[dict[str, Any]], stops: Mapping[str, int]) -> int:
+    """Return the least number of last events in which agents were stopped as often as given, by name."""
+    left = dict(stops)
+    later = 0
+    while any(number > 0 for number in left.values()) and later < len(events):
+        later += 1
+        for name in _stopped(events[-later : len(events) - later + 1]):
+            left[name] = left.get(name, 0) - 1
+    return later
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:

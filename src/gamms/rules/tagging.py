@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import ContactOptions
-from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.block.state import Arrays, GameArrays, GameRow
 from gamms.game.roles import as_teams_and_roles
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import IntArray
@@ -200,7 +200,7 @@ def respawn(
         state["times"] |= {name: times[name] for name in dict.fromkeys((*returned, *times)) if name in times}
         state["out"] = {**deleted, **_by_name(kept["out"], names, -1)}
 
-    def show_arrays(ctx: Context, state: GameArrays, events: list[dict[str, Any]], _: int) -> None:
+    def show_arrays(ctx: Context, state: GameArrays | GameRow, events: list[dict[str, Any]], _: int | None) -> None:
         known = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
         show(known, state.kept["respawn", key], state.roster.names, _returned(events, known["out"]))
 

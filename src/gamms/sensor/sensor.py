@@ -121,7 +121,7 @@ class Sensor(ContextPart, ISensor):
     def data(self) -> Any:
         """The data of the last look; settable. While agents decide, it is read-only, and only its owner may read it."""
         phase = self._phase
-        phase.read_last_turn()
+        phase.read_all_looks()
         if phase.agent is not None and self._owner not in (None, *phase.names()):
             phase.refuse(f"read the data of sensor {self.sensor_id!r} of agent {self._owner!r}")
         return phase.shown(self._last[0])
@@ -166,7 +166,7 @@ class Sensor(ContextPart, ISensor):
         twin = self._copy_for_view()
         twin._owner = owner
         twin.sense(place)
-        return twin.data
+        return self._phase.shown(twin._last[0]) if self._is_ours else twin.data
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:

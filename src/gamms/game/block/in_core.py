@@ -26,6 +26,7 @@ from gamms.game.block.strategy_steps import (
     always_act,
     can_read,
     has_plain_looks,
+    memories_of,
 )
 from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
@@ -797,6 +798,8 @@ class CoreGames:
         self._steps = [
             (strategy_spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
         ]
+        of_agents = zip(state.roster.names, deciders, state.roster.is_first.tolist(), strict=True)
+        self._deciders = [name for name, one, is_first in of_agents if one is not None and is_first]
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         self._given: BoolArray | None = None  # the agents whose actions were in the block last; see `prepare`
@@ -1057,6 +1060,17 @@ class CoreGames:
     def memory(self) -> IntArray:
         """The present memories of agents, (columns, games, agents)."""
         return np.zeros((0, *self._state.node.shape), np.int64) if self._by_steps is None else self._by_steps.memory
+
+    def memories_of(self, game: int) -> dict[str, dict[str, Any]]:
+        """Return what strategies of the core remember in a game, for the agents of the start for which any decides."""
+        number_of = self._state.roster.names.index
+        found: dict[str, dict[str, Any]] = {
+            name: {} for name in self._deciders if self._state.is_there[game, number_of(name)]
+        }
+        steps = [step for several in self._steps for step in several if step.key]
+        for name, key, value in memories_of(self._state.row_of(game), steps):
+            found.setdefault(name, {})[key] = value
+        return found
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
         """Apply the rules of some games that have moved; yield each rule function when it is due."""

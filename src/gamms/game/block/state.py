@@ -176,6 +176,18 @@ class Scores(dict[Hashable, FloatArray]):
         return points if self.are_floats[key].item(game) else int(points)
 
 
+class LeavingGame(NamedTuple):
+    """A game that leaves its batch.
+
+    Attributes:
+        why: the reason.
+        game: the game in a context of its own, in which it goes on; None: it has to begin again in one.
+    """
+
+    why: str
+    game: PlayedGame | None
+
+
 class LeavesSharedContext(GammsError):
     """A function does what a context that games share cannot do: its game continues in a context of its own."""
 
@@ -443,7 +455,7 @@ class BatchColumns:
         radio: the channels and their messages; None: the games have no channels.
         is_apart: (games,) whether each game is played in a context of its own.
         stop: (1,) 1: Ctrl-C was pressed in a turn that can be taken back.
-        leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
+        leaving: the games that are going to be played in contexts of their own after the current turn of the others.
         flyers: (flying agents,) their numbers in the roster, ascending.
         flights: the positions and flights of the flying agents; None: no agent flies.
         position, previous_position: (games, flying agents, 3) map units: where each is, and was before its last flight.
@@ -524,7 +536,7 @@ class BatchColumns:
         self.failures: list[tuple[Failure, int]] = []
         self.is_apart = np.zeros(games, np.bool_)
         self.stop = np.zeros(1, np.int64)
-        self.leaving: dict[int, str] = {}
+        self.leaving: dict[int, LeavingGame] = {}
         self.radio: MessageTraffic | None = None
         self.deed_log = DeedLog(games)
         self.drawn: dict[Drawn, np.ndarray[Any, Any]] = {}
@@ -557,6 +569,19 @@ class ShowsMap:
     def map_spec(self) -> Any:
         """A copy of the map's entry in `maps=`, or in the scenario; None if a program has built the game."""
         return deepcopy(self._state.map_spec)
+
+
+class GameRow(NamedTuple):
+    """What rules and strategies of the core remember of one game of a batch, as of a batch of this game alone.
+
+    Attributes:
+        roster, streets, stops, kept: see `GameArrays`; with one row.
+    """
+
+    roster: AgentTable
+    streets: StreetGraph
+    stops: IntArray
+    kept: Mapping[Hashable, Arrays]
 
 
 class GameArrays(BatchColumns):
@@ -659,6 +684,14 @@ class GameArrays(BatchColumns):
 
     def __len__(self) -> int:
         return len(self.seeds)
+
+    def row_of(self, game: int) -> GameRow:
+        """Return what rules and strategies remember of a game."""
+        kept = {
+            key: {name: one[game : game + 1].copy() for name, one in several.items()}
+            for key, several in self.kept.items()
+        }
+        return GameRow(self.roster, self.streets, self.stops[game : game + 1].copy(), kept)
 
     def take_game(self, game: PlayedGame) -> None:
         """Note a game on the map: its number among the maps, its entry, and the context that makes strategies."""
@@ -974,9 +1007,9 @@ class GameArrays(BatchColumns):
         if self.stop[0]:
             raise TurnInterrupted
 
-    def leave(self, games: IntArray, why: str) -> None:
-        """Stop playing games in the current turn, because of what a function does in them."""
-        self.leaving |= {number: why for number in games.tolist() if number not in self.leaving}
+    def leave(self, games: IntArray, why: str, game: PlayedGame | None = None) -> None:
+        """Stop playing games in the current turn, because of what a function does in them; see `LeavingGame`."""
+        self.leaving |= {number: LeavingGame(why, game) for number in games.tolist() if number not in self.leaving}
         self.is_going[games] = False
 
     def turn_agents(self) -> None:

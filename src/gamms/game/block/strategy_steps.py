@@ -11,7 +11,7 @@ from gamms.arguments import as_int
 from gamms.core import moves, rules, sight, strategies
 from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, kept_in
-from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.block.state import Arrays, GameArrays, GameRow
 from gamms.game.conflicts import flat
 from gamms.game.movement.roads import RoadMap, RoadTables
 from gamms.game.movement.routes import PathTables
@@ -122,7 +122,7 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
     return found
 
 
-def memories_of(state: GameArrays, steps: Sequence[CoreStep]) -> Iterator[tuple[str, str, Any]]:
+def memories_of(state: GameArrays | GameRow, steps: Sequence[CoreStep]) -> Iterator[tuple[str, str, Any]]:
     """Yield the name of an agent, a key of its memory, and the value that a step keeps there, in the first game."""
     ids = state.streets.columns.node_ids
     for step in {step.key: step for step in steps}.values():

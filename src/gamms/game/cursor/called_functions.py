@@ -21,11 +21,13 @@ class StartValues(NamedTuple):
     turn: int
     moves: TurnMoves | None
     counts: dict[str, dict[str, int]]
+    has_begun_turn: bool  # whether parts of the present turn were played
 
     @classmethod
     def of(cls, state: GameState) -> "StartValues":
         """Return the values with which the game of a context begins."""
-        return cls(state.turn, state.moves, {name: each.copy() for name, each in state.counts.items()})
+        counts = {name: each.copy() for name, each in state.counts.items()}
+        return cls(state.turn, state.moves, counts, state.parts_played is not None)
 
 
 class CalledFunctions(NamedTuple):

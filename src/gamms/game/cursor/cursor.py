@@ -21,7 +21,7 @@ from gamms.game.decisions import Decisions
 from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
 from gamms.game.result import Collectors
-from gamms.game.settings import NamedRule
+from gamms.game.settings import BegunPhase, NamedRule
 from gamms.game.turn import CLOSED, closed_edge
 from gamms.ir.columns import Failure
 from gamms.ir.deeds import PlainDeeds
@@ -121,8 +121,10 @@ class Cursor:
 
     def _let_leave(self) -> None:
         """Stop playing the current game here, and restore the context."""
-        self._state.leave(np.array([self._pointed.number]), self._shown.why)
         before = self._shown
+        goes_on = self._can_take_along and before.begun is not None and not before.begins_again
+        game = before.take_along() if goes_on else None
+        self._state.leave(np.array([self._pointed.number]), before.why, game)
         turns = self._turns
         is_moving = turns.is_moving
         self.release()
@@ -130,6 +132,12 @@ class Cursor:
         self._shown.go_on(before)
         turns.is_playing = True
         turns.is_moving = is_moving
+
+    @property
+    def _can_take_along(self) -> bool:
+        """Whether a game that leaves can go on from there, see `ShownGame.take_along`; else it begins again."""
+        called = self._called
+        return not (called.has_array_functions or called.own_functions or called.first.has_begun_turn)
 
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
@@ -248,7 +256,8 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        self._call_each(named.rule, games, self._ctx, what=what, part=part)
+        begun = BegunPhase.after(named, self._parts.rules.now) if part is None else None
+        self._call_each(named.rule, games, self._ctx, what=what, part=part, begun=begun)
 
     def collect(self, games: IntArray) -> None:
         """Call the collectors in the games in which they are due."""
@@ -257,7 +266,9 @@ class Cursor:
         for every in self._called.periods:
             is_due |= turns % every == 0
         if is_due.any():
-            self._call_each(self._collect, games[is_due], what="a collector")
+            rules = self._parts.rules.now
+            begun = BegunPhase("after", rules.rules, len(rules.of_phase["after"]), collects=False)
+            self._call_each(self._collect, games[is_due], what="a collector", begun=begun)
 
     def _collect(self) -> None:
         row = self._shown.own_row()
@@ -272,7 +283,13 @@ class Cursor:
         return (self._parts.collectors if row is None or row.collectors is None else row.collectors).tables()
 
     def _call_each(
-        self, function: Callable[..., object], games: IntArray, *args: object, what: str = "", part: int | None = None
+        self,
+        function: Callable[..., object],
+        games: IntArray,
+        *args: object,
+        what: str = "",
+        part: int | None = None,
+        begun: BegunPhase | None = None,
     ) -> None:
         """Call a function while the context is pointed at each of these games in turn.
 
@@ -282,11 +299,13 @@ class Cursor:
             args: its arguments.
             what: the function in words, for errors; "": its errors name it themselves.
             part: the part of the turn in which agents are about to move; None: they are not.
+            begun: the phase of the turn, if a game can leave in it and go on from there.
         """
         turns = self._turns
         self._begin()
         turns.is_playing = True
         self._shown.part = part
+        self._shown.begun = begun
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
             ordered = games[self._pointed.by_population(games)]
@@ -302,6 +321,7 @@ class Cursor:
             turns.is_playing = False
             turns.is_moving = False
             self._shown.part = None
+            self._shown.begun = None
         self._have_left(games)
         self._state.now.clear()
 

@@ -34,44 +34,66 @@ _IN_ROW = ("agent_facts", "delayed_looks", "departed", "team_facts", "team_memor
 """Fields of the state of a game that are read from its row; see `RowValues`."""
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
-    *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
+    *("__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
     *("__repr__", "__ror__", "clear", "copy", "items", "keys", "popitem", "update", "values"),
 )
 
 
 class GuardedDict(dict[Any, Any]):
-    """A dict of a game, some of whose values only the core has; if a function reads one, its game leaves.
+    """A dict of a game, some of whose values are not in it until a function reads one of them.
 
     Args:
         values: the values of the other keys.
-        keys: the keys whose values only the core has; None: all.
-        leave: moves the game to a context of its own; called with the reason.
-        what: the dict, in words.
+        keys: the keys whose values are not in it; None: all.
+        fill: called with the dict before such a value is read, to put all of them in.
+
+    Attributes:
+        is_filled: whether all values are in it.
     """
 
     def __init__(
-        self, values: dict[Any, Any], keys: frozenset[str] | None, leave: Callable[[str], NoReturn], what: str
+        self, values: dict[Any, Any], keys: frozenset[str] | None, fill: Callable[["GuardedDict"], object]
     ) -> None:
         super().__init__(values)
-        self.of_core = keys
-        self.leave = leave
-        self.what = what
+        self._unread = keys
+        self._fill = fill
+        self.is_filled = False
+
+    def __bool__(self) -> bool:
+        return len(self) > 0
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> dict[Any, Any]:
+        return deepcopy({**self}, memo)
+
+    def fill(self) -> None:
+        """Put all values in, unless they are."""
+        if not self.is_filled:
+            self.is_filled = True
+            try:
+                self._fill(self)
+            except BaseException:
+                self.is_filled = False
+                raise
+
+    def may_lack(self, key: object) -> bool:
+        """Return whether the value of a key is possibly not in it."""
+        return not self.is_filled and (self._unread is None or key in self._unread)
 
 
-def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
+def _filling(name: str, *, is_of_one: bool) -> Callable[..., Any]:
     """Return a method of `GuardedDict` that reads the value of one key, or all values."""
-    method = getattr(dict, name, None)
+    method = getattr(dict, name)
 
     def read(self: GuardedDict, *args: object, **named: object) -> Any:
-        if method is None or self.of_core is None or not is_of_one or args[0] in self.of_core:
-            self.leave(f"reads {self.what}")
+        if not is_of_one or self.may_lack(args[0]):
+            self.fill()
         return method(self, *args, **named)
 
     return read
 
 
 for _name in (*_OF_ONE, *_OF_ALL):
-    setattr(GuardedDict, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
+    setattr(GuardedDict, _name, _filling(_name, is_of_one=_name in _OF_ONE))
 
 
 class StartOfGame:

@@ -5,10 +5,12 @@ They do what games that share a context cannot do, for example change a setting:
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from gamms.deciding import phase_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
 from gamms.game.array_functions.view import ArrayView, asked_view
@@ -19,11 +21,65 @@ from gamms.game.block.state import GameArrays
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
-from gamms.game.snapshots import Snapshot
+from gamms.game.snapshots import Snapshot, renew_state, renew_streams
 from gamms.ir.game_state import in_conflict
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.on_edges import located
+
+
+class LooksBefore:
+    """Makes the last states of agents, and the data of their sensors, in a game that has left its batch.
+
+    The batch has not kept them. When one is read first, the turns before are played once more for them.
+
+    Args:
+        game: the game, in a context of its own.
+        begin: returns the same game as it was when it left, in another context.
+    """
+
+    def __init__(self, game: PlayedGame, begin: Callable[[], PlayedGame]) -> None:
+        self._game = game
+        self._begin = begin
+        self._values: dict[tuple[str, str], list[Any]] = {}
+        self._unread = dict[str, Any]()  # stands for a value that is not made
+        self._lasts = _lasts_of(game)
+        for last in self._lasts.values():
+            last[0] = self._unread
+
+    def __call__(self) -> None:
+        """Make all values that are not made."""
+        unread = [key for key, last in self._lasts.items() if last[0] is self._unread]
+        if unread and not self._values:
+            alone = self._begin()
+            self._values = {key: [*last] for key, last in _lasts_of(alone).items()}
+            alone.ctx.terminate()
+        for key in unread:
+            self._lasts[key][:] = self._values.get(key, [{}])
+        self._renew([name for name, sensor in unread if not sensor])
+
+    def _renew(self, names: Sequence[str]) -> None:
+        """Insert what agents of this game know into their states."""
+        parts = self._game.internals.parts
+        agents = {agent.name: agent for agent in self._game.ctx.agent.storage.made()}
+        states = []
+        for name in names:
+            state = self._lasts[name, ""][0]
+            if "memory" in state and name in agents:
+                renew_state(parts, agents[name], state, state.get("team_memory"))
+                states.append((agents[name], state))
+        if states:
+            renew_streams(parts, states)
+
+
+def _lasts_of(game: PlayedGame) -> dict[tuple[str, str], list[Any]]:
+    """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
+    found = {}
+    for agent in game.ctx.agent.storage.made():
+        access = game.ctx.agent.storage.turn_access(agent)
+        found[agent.name, ""] = access.last
+        found |= {(agent.name, one): last for one, last, *_ in access.carried if type(last) is list}
+    return found
 
 
 class SeparateGames:
@@ -34,7 +90,8 @@ class SeparateGames:
         roster: the agents of all games.
         begin: returns a game, by its number, after a number of turns, in a context of its own.
         playing: returns a context manager in which a game is played, by its number.
-        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game.
+        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game if
+            `is_reset` is True.
 
     Attributes:
         reasons: why each of these games is played in a context of its own.
@@ -47,7 +104,7 @@ class SeparateGames:
         roster: AgentTable,
         begin: Callable[[int, int], PlayedGame],
         playing: Callable[[int, PlayedGame], AbstractContextManager[None]],
-        let_go: Callable[[int, PlayedGame], None],
+        let_go: Callable[..., None],
     ) -> None:
         self.reasons: dict[int, str] = {}
         self.ran_from: dict[int, int] = {}
@@ -77,12 +134,28 @@ class SeparateGames:
     def __contains__(self, number: object) -> bool:
         return number in self.reasons
 
-    def add(self, number: int, why: str, turns: int) -> None:
-        """Play a game in a context of its own from now on, in which it has played a number of turns."""
+    def add(self, number: int, why: str, turns: int, game: PlayedGame | None = None) -> None:
+        """Play a game in a context of its own from now on.
+
+        Args:
+            number: its number.
+            why: the reason.
+            turns: the number of turns that it has played, when its context is made.
+            game: the game in that context, in the middle of a later turn; None: it is made when it is needed.
+        """
         self.reasons[number] = why
         self._turns[number] = turns
+        if game is not None:
+            self._games[number] = game
+            game.internals.left_as = number
+            phase_of(game.ctx).read_looks = LooksBefore(game, partial(self._begin, number, game.turn))
         self._unobserved.add(number)
         self._engine.set_apart(number, turns)
+
+    def begin_again(self) -> None:
+        """Let games that have left in the current run begin again, because they have drawn what others have drawn."""
+        for number in [number for number, game in self._games.items() if _is_in_turn(game)]:
+            self._end(number)
 
     def forget(self, numbers: Iterable[int]) -> None:
         """End the contexts of games, which are not played in them any more."""
@@ -190,7 +263,10 @@ class SeparateGames:
         for number in self.going:
             had_context = number in self._games
             game = self.game(number)
-            self.ran_from[number] = game.turn
+            is_in_turn = _is_in_turn(game)  # it has left in this run
+            had_context &= not is_in_turn
+            self.ran_from[number] = self._turns[number] if is_in_turn else game.turn
+            game.internals.run_began = self.ran_from[number]
             last = self._engine.last_turn(number)
             before = game.snapshot() if had_context else None
             try:
@@ -204,7 +280,7 @@ class SeparateGames:
                 raise
             if not had_context and self._engine.is_over[number]:
                 self._settle(number)
-                self._let_go(number, self._games.pop(number))
+                self._let_go(number, self._games.pop(number), is_reset=not is_in_turn)
             yield number
 
     def _take_back(self, number: int, game: PlayedGame, before: Snapshot | None) -> None:
@@ -270,6 +346,11 @@ class SeparateGames:
                 "added it to the map of this game, and arrays have the nodes that are there at the start. Have it "
                 "there."
             )
+
+
+def _is_in_turn(game: PlayedGame) -> bool:
+    """Return whether a game has left the batch in the middle of a turn, whose rest it has not played yet."""
+    return game.internals.parts.turns.begun is not None
 
 
 def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:

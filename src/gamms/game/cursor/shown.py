@@ -22,7 +22,9 @@ from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
+from gamms.game.settings import BegunPhase, as_called
 from gamms.game.slots import COUNTED
+from gamms.game.snapshots import ForkSource, copy_rules
 from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
@@ -33,7 +35,7 @@ from gamms.ir.events import (
     AGENT_SENSOR_DEREGISTER,
     AGENT_SENSOR_REGISTER,
 )
-from gamms.ir.game_state import BlockedAgents, GameState, Scores
+from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
@@ -162,9 +164,9 @@ class _Attributes:
 class ShownGame(GamesInContext):
     """The game of a batch that a context shows, and what functions change in it.
 
-    The context has one set of agents. They show the game that it is pointed at. If a plain function reads what a
-    context cannot show of the core, or changes what the core cannot change, its game leaves: it plays the same turn in
-    a context of its own, and all turns that follow. The context shows games until `release`.
+    The context has one set of agents. They show the game that it is pointed at. If a plain function changes what the
+    core cannot change, its game leaves: it goes on from there in a context of its own, see `take_along`. If a function
+    reads what a batch does not keep, its game begins again in such a context. The context shows games until `release`.
 
     Args:
         game: the game at its start, whose context is pointed at other games.
@@ -181,6 +183,8 @@ class ShownGame(GamesInContext):
         part: the part of the turn in which agents are about to move; None: they are not.
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
+        begun: the phase of rules that is played, if a game can leave in it and go on from there; else None.
+        begins_again: whether the game that leaves has to begin again, because a function has not got what it reads.
     """
 
     _pointed: PointedContext
@@ -207,14 +211,18 @@ class ShownGame(GamesInContext):
         self.part: int | None = None
         self.have_joined = False
         self.has_ended = False
+        self.begun: BegunPhase | None = None
+        self.begins_again = False
+        self._read_of_core = ""  # what a function has read or replaced that only the core has
         pointed.hold()
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
-        self.looks = GuardedDict({}, None, self.leave, "what agents have sensed")
+        self.looks = GuardedDict({}, None, lambda _: self.leave("reads what agents have sensed"))
         self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
         self._attributes = _Attributes(pointed.population.agents.members)
         self._take_shown()
         self._turns.note_departed()
         self._first_data = {key: one for key, one in values.data.items() if key not in called.core_keys}
+        self._first_core_data = {key: one for key, one in values.data.items() if key in called.core_keys}
         self._first_facts = dict(self._facts)
         self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
@@ -280,11 +288,88 @@ class ShownGame(GamesInContext):
         """Go on with the part of the turn in which another object has shown games."""
         self.part = before.part
         self.have_joined = before.have_joined
+        self.begun = before.begun
 
     def leave(self, what: str) -> NoReturn:
+        """Let the current game begin again in a context of its own; the argument says why, in words."""
+        self.begins_again = True
+        self._go_alone(what)
+
+    def _go_alone(self, what: str) -> NoReturn:
         """Move the current game to a context of its own; the argument says why, in words."""
         self.why = self.why or f"a plain function {what}"
         raise LeavesSharedContext(self.why)
+
+    def _note_read(self, what: str) -> None:
+        """Let the current game go on alone after the function that is called; the argument says why, in words."""
+        if self.begun is None:
+            self.leave(what)
+        self._read_of_core = self._read_of_core or what
+
+    def take_along(self) -> Any:
+        """Return the game that is shown, which leaves, in a context of its own; Any: it is a `Game`.
+
+        The context has what functions have changed. The game is in the middle of a turn: its next `step` plays the
+        rest of it.
+        """
+        begun = self.begun
+        assert begun is not None  # noqa: S101 - else it begins again
+        for last in self.cached.lasts:
+            last[0] = {}
+        self._fill_fields()
+        source = ForkSource(self._parts, only_plain=False)
+        row = self.own_row()
+        if row.collectors is not None:
+            collected = row.collectors.snapshot()
+            now = self._parts.collectors.snapshot()
+            source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
+        ctx, memo = source.make_fork(self._ctx.seed)
+        ctx.reseed(self._ctx.seed, self._ctx.rng_state())
+        if self._ctx.graph.storage.has_placed:
+            streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]
+            streams[0].bit_generator.state = streams[1].bit_generator.state
+        parts = ctx.game.internals.parts
+        state = parts.state
+        state.has_begun = True
+        state.last_turn = None
+        state.under_way = None
+        state.parts_played = None
+        for name in self._read["memories"]:
+            state.memory_of(name)
+        parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
+        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised)
+        if self._phase.strategy_changes == self._changes[0]:
+            parts.turns.prepared = parts.turns.phase.strategy_changes
+        return ctx.game
+
+    def _fill_fields(self) -> None:
+        """Put what only the core has into the fields of the game that leaves."""
+        row = self.own_row()
+        self._turns.restart_counts()
+        data = self.read("data")
+        if type(data) is GuardedDict:
+            data.fill()
+            self._read["data"] = {**data}
+        if type(row.data) is GuardedDict:  # which the batch goes on with, if it takes the turn back
+            row.data = {key: one for key, one in dict.items(row.data) if key not in self._called.core_keys}
+        self.read("memories")
+        self._values.blocked = self._make_blocked()
+
+    def _make_blocked(self) -> BlockedAgents:
+        """Return why actions of agents were not executed in their last turns."""
+        state = self._state
+        number = self._pointed.number
+        names = state.roster.names
+        found = BlockedAgents(self.own_row().undone)
+        told = {*found}
+        for error in state.errors.of(number):
+            if error["turn"] + 1 == state.turn[number] and error["agent"] not in told:
+                found.add(error["agent"], error["message"])
+        for agent in np.flatnonzero(state.blocked[number]).tolist():
+            why = in_conflict(self._core.wanted(number, agent))
+            if why not in found.get(names[agent], ""):
+                found.add(names[agent], why)
+        return found
 
     def _what_is_fixed(self) -> tuple[int, object, int]:
         """Return the numbers and objects that only the turn engine may change."""
@@ -466,12 +551,23 @@ class ShownGame(GamesInContext):
         values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
         if not self._called.core_keys:
             return values
-        keys = ", ".join(sorted(self._called.core_keys))
-        return GuardedDict(values, self._called.core_keys, self.leave, f"ctx.game.data, with that of {keys}")
+        return GuardedDict(values, self._called.core_keys, self._show_core_data)
+
+    def _show_core_data(self, data: GuardedDict) -> None:
+        """Put the data of rules in the core into `ctx.game.data`."""
+        self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
+        self._take_events()
+        for key, value in self._first_core_data.items():
+            data[key] = copied(value)
+        if self._read.get("data") is data:  # else it was replaced
+            game = self._state.row_of(self._pointed.number)
+            for rule in as_called(self._game.rules):
+                if rule.spec.show_arrays is not None:
+                    rule.spec.show_arrays(self._ctx, game, self._read["events"], None)
 
     def _replace_data(self, data: dict[Any, Any]) -> None:
         if self._called.core_keys:
-            self.leave("replaces ctx.game.data")
+            self._note_read("replaces ctx.game.data")
         self.own_row().data = data
         self._read["data"] = data
 
@@ -513,8 +609,14 @@ class ShownGame(GamesInContext):
         now = {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
         return self._called.first.counts | now
 
-    def _make_memories(self) -> NoReturn:
-        self.leave("reads ctx.game.memories")
+    def _make_memories(self) -> dict[str, dict[Any, Any]]:
+        self._note_read("reads ctx.game.memories")
+        number = self._pointed.number
+        found = self.own_row().memories
+        has_moved = self._state.turn[number] > self._called.first.turn
+        for name, memory in self._core.memories_of(number).items() if has_moved else ():
+            found[name].update(memory)
+        return {**found}
 
     def _make_moves(self) -> TurnMoves | None:
         """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
@@ -602,7 +704,9 @@ class ShownGame(GamesInContext):
         if have_facts:
             self._take_facts()
         if is_other and self._what_is_fixed() != self._fixed:
-            self.leave("changes settings, rules or collectors")
+            self._go_alone("changes settings, rules or collectors")
+        if self._read_of_core:
+            self._go_alone(self._read_of_core)
 
     def _take_rng(self, rng: Generator) -> None:
         """Store the random stream of a game."""
@@ -621,9 +725,9 @@ class ShownGame(GamesInContext):
         new = [agent for name, agent in agents.items() if known.get(name) is not agent]
         self._turns.note_departed()
         if not all(map(roster.can_hold, new)):
-            self.leave("creates agents for which most_agents= has reserved no rows")
+            self._go_alone("creates agents for which most_agents= has reserved no rows")
         if any(first.get(agent, own) != own for agent in agents.values() for own in [(agent.strategy, agent.sensors)]):
-            self.leave("changes strategies or sensors of agents")
+            self._go_alone("changes strategies or sensors of agents")
         self._attributes.keep(self.own_row())
         row = self.own_row()
         if row.moved is None or row.moved[0] != self._moment:
@@ -649,16 +753,22 @@ class ShownGame(GamesInContext):
         if "scores" in read:
             self._take_scores(read["scores"])
         if "events" in read and len(read["events"]) != self._num_events:
-            if len(read["events"]) < self._num_events:
-                self.leave("deletes events")
-            self._note_events(read["events"][self._num_events :])
+            self._take_events()
         if "messages" in read and len(read["messages"]) != self._num_messages:
-            self.leave("changes ctx.game.messages")
+            self._go_alone("changes ctx.game.messages")
+
+    def _take_events(self) -> None:
+        """Count the stops of agents by events that a function has added to the log of a game."""
+        events = self.read("events")
+        if len(events) < self._num_events:
+            self._note_read("deletes events")
+        self._note_events(events[self._num_events :])
+        self._num_events = len(events)
 
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
         if not self._pointed.take_roads(self._pointed.number):
-            self.leave("changes more of the map than which roads are open")
+            self._go_alone("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -676,7 +786,7 @@ class ShownGame(GamesInContext):
         columns = self._state.scores
         are_exact = {key for key, column in columns.items() if column.dtype == object}
         if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
-            self.leave("sets scores that are no numbers")
+            self._go_alone("sets scores that are no numbers")
         columns.put(self._pointed.number, scores)
 
     def _take_agents(self, journal: Journal) -> AgentBlock:
@@ -703,7 +813,7 @@ class ShownGame(GamesInContext):
         if AGENT_ATTRIBUTE in kinds:
             self._attributes.keep(self.own_row())
         if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
-            self.leave("changes agents otherwise than by putting them elsewhere or out of the game")
+            self._go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
         for name in progressed:
             state.movement.clear(number, self.number_of[name])
@@ -737,9 +847,9 @@ class ShownGame(GamesInContext):
         self._facts_own = facts
         self.facts_shown = facts
         if changed & self._called.core_keys:
-            self.leave("publishes facts of rules in the core")
+            self._go_alone("publishes facts of rules in the core")
         if self._called.has_array_functions:
-            self.leave("publishes facts, which array functions may read")
+            self._go_alone("publishes facts, which array functions may read")
 
     def forget_asking(self) -> None:
         """Undo the sensor calls of a function."""
