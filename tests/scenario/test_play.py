@@ -170,6 +170,12 @@ def test_a_map_is_for_any_mode_of_travel_of_gamms_or_of_a_file_in_the_folder(fol
     assert speeds_on(folder, osm_type="robot", modes="mine.toml") == {6.0}
 
 
+def test_the_map_of_helsinki_has_several_modes():
+    game = scenario.Scenario(map={"helsinki": {"osm_type": ["walk", "drive"]}}, teams={"red": {"count": 1}})
+    with game.build() as ctx:
+        assert {"walk", "drive"} <= ctx.graph.edge_attributes(0).keys()
+
+
 @pytest.mark.parametrize(
     ("given", "path", "words"),
     [

@@ -31,7 +31,7 @@ from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
 from gamms.osm.geojson import is_geojson, read_lines
-from gamms.osm.mode_union import ModeRoads, unite
+from gamms.osm.mode_union import ModeRoads, choose_modes, open_both_ways, unite
 from gamms.osm.modes import (
     Mode,
     ModeFunction,
@@ -71,6 +71,7 @@ from gamms.osm.network import (
     network_of_segments,
     projected,
     segments_of,
+    split_directions,
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
@@ -91,6 +92,8 @@ _Reader = Callable[[Path, Show, Rule | None, Sequence[str]], OsmRoads]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
+_MODES_FILE = _FILE.with_name("helsinki_modes.gamms")
+_MODES_OF_HELSINKI = ("walk", "bike", "drive")
 
 
 ModeOfTravel: TypeAlias = OSMType | str | ModeFunction
@@ -648,44 +651,91 @@ def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
 
 @names_keywords
 def helsinki(
-    ctx: IContext, resolution: float = 10.0, bidirectional: bool = True, buildings: bool | None = None
+    ctx: IContext,
+    resolution: float = 10.0,
+    bidirectional: bool | None = None,
+    buildings: bool | None = None,
+    osm_type: OSMType | str | Sequence[OSMType | str] | None = None,
 ) -> "nx.DiGraph[int]":
     """Put the streets of central Helsinki into the empty graph of a context, and return them as a networkx graph.
 
     Args:
         ctx: the context.
         resolution: meters between nodes.
-        bidirectional: let agents go against one-way streets.
+        bidirectional: let agents go against one-way streets; None: as the modes say, and without modes they may.
         buildings: add the walls of buildings to the obstacles; None: only draw them, so that they block no sight line;
             False: leave them out, as well as parks, water and rails, which are drawn otherwise.
+        osm_type: "walk", "bike" or "drive", or a list of these for one graph for several, as for `graph_from_file`;
+            None: all streets and paths.
 
     Raises:
-        BadType: `ctx` is not a context.
-        BadValue: the context has a graph or obstacles already, or the resolution is impossible.
+        BadType: `ctx` is not a context, or `osm_type` is no mode of travel.
+        BadValue: the context has a graph or obstacles already, the resolution is impossible, or the map does not have
+            the mode or the directions.
     """
     graph = as_context(ctx, "helsinki").graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context already has a graph or obstacles. Load the map into a new context.")
     recipe = recipe_of(resolution, 0.0, bidirectional)
-    pieces, columns = _pieces_of_helsinki(recipe.resolution, bidirectional=recipe.bidirectional)
+    travel = None if osm_type is None else as_travel(osm_type)
+    if travel is not None:
+        _check_modes_of_helsinki(travel, bidirectional)
+        both_ways = recipe.bidirectional if bidirectional else None
+        recipe = recipe._replace(bidirectional=both_ways, osm_type=name_of(travel).upper(), mode=name_of(travel))
+    is_list = isinstance(travel, SeveralModes)
+    pieces, columns = _pieces_of_helsinki(
+        recipe.resolution, recipe.mode, is_list=is_list, bidirectional=bool(recipe.bidirectional)
+    )
     streets = to_digraph(pieces, _about(recipe, pieces), columns)
     ctx.graph.attach_networkx_graph(streets)
     if buildings:
-        walls = _helsinki().obstacle_columns()
+        walls = _helsinki(_FILE).obstacle_columns()
         ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
     if buildings is not False:
         graph.scenery = "helsinki"
     return streets
 
 
+def _check_modes_of_helsinki(travel: Travel, bidirectional: bool | None) -> None:
+    names = name_of(travel).split(",")
+    if other := next((name for name in names if name not in _MODES_OF_HELSINKI), None):
+        raise BadValue(
+            f"The map of Helsinki has the modes {', '.join(_MODES_OF_HELSINKI)}, not {other!r}. "
+            "Give a file to graph_from_file for other modes."
+        )
+    if bidirectional is False and "walk" in names:
+        raise BadValue(
+            "The map of Helsinki has no walkers who obey the one-way streets of cars. "
+            "Leave bidirectional out: bicycles and cars obey them."
+        )
+
+
 @cache
-def _helsinki() -> IPackedGraph:
-    return packed_graphs["gamms"](_FILE.read_bytes())
+def _helsinki(file: Path) -> IPackedGraph:
+    return packed_graphs["gamms"](file.read_bytes())
 
 
 @lru_cache(maxsize=4)
-def _pieces_of_helsinki(resolution: float, *, bidirectional: bool) -> tuple[RoadNetwork, GraphColumns]:
+def _pieces_of_helsinki(
+    resolution: float, mode: str, *, is_list: bool, bidirectional: bool
+) -> tuple[RoadNetwork, GraphColumns]:
     """Return the shipped streets, cut; cached, because contexts copy them."""
-    network = network_of_columns(_helsinki().columns())
-    pieces = resample(both_ways(network) if bidirectional else network, resolution)
+    network = _streets_of_helsinki(mode.split(","), is_list=is_list, both_ways=bidirectional) if mode else None
+    if network is None:
+        network = network_of_columns(_helsinki(_FILE).columns())
+        network = both_ways(network) if bidirectional else network
+    pieces = resample(network, resolution)
     return pieces, to_columns(pieces)
+
+
+def _streets_of_helsinki(names: Sequence[str], *, is_list: bool, both_ways: bool) -> RoadNetwork:
+    """Return the shipped streets for modes of travel; the edges of a mode that is no list have `speed_kph` alone."""
+    stored = network_of_columns(_helsinki(_MODES_FILE).columns())
+    tags, back = split_directions(stored.tags)
+    back_ways = None if back is None else back[stored.ways]
+    network = replace(stored, tags=tags, back_ways=back_ways, modes=_MODES_OF_HELSINKI)
+    network = choose_modes(open_both_ways(network) if both_ways else network, names)
+    if not is_list:
+        plain = [{name: value for name, value in of_way.items() if name not in names} for of_way in network.tags]
+        network = replace(network, tags=plain, modes=())
+    return topology.simplify(network)

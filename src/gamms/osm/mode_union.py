@@ -91,17 +91,14 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
     nodes, seen = kernels.first_seen(_node_keys(refs, keys[firsts]))
     uses = [_uses_of(part, of_mode, refs) for part, of_mode in zip(parts, of_modes, strict=True)]
     speeds = np.stack([use.speeds for use in uses], axis=2)
-    one_way = np.asarray(~(speeds[:, 1] > 0.0).any(axis=1))
-    if both_ways:
-        speeds = np.where(speeds > 0.0, speeds, speeds[:, ::-1])
+    two_way = np.asarray((speeds[:, 1] > 0.0).any(axis=1))
     starts = np.cumsum([0, *(len(use.tags) for use in uses)])
     rows = np.stack([use.rows + start for use, start in zip(uses, starts[:-1], strict=True)], axis=2)
     first = (speeds > 0.0).argmax(axis=2)
     row = np.take_along_axis(rows, first[:, :, None], axis=2)[:, :, 0]
     names = tuple(part.name for part in parts)
-    tags, row = _tags_with_speeds([tags for use in uses for tags in use.tags], row, speeds, names, one_way)
+    tags, row = _tags_with_speeds([tags for use in uses for tags in use.tags], row, speeds, names, ~two_way)
     segments = RoadSegments(lonlat.reshape(-1, 2)[seen], nodes[0::2], nodes[1::2], row[:, 0], refs.ravel()[seen])
-    two_way = np.asarray((speeds[:, 1] > 0.0).any(axis=1))
     network = network_in_degrees(segments, two_way=two_way, tags=tags, back_ways=row[:, 1])
     barriers = {ref for part in parts for ref in part.ways.barriers}
     is_across = np.array([ACROSS in of_way for of_way in tags], np.bool_)[network.ways]
@@ -119,7 +116,7 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
         buildings=parts[0].ways.buildings,
         nodes=_join_node_tags(parts),
     )
-    return UnitedRoads(network, of_modes)
+    return UnitedRoads(open_both_ways(network) if both_ways else network, of_modes)
 
 
 def _join_node_tags(parts: Sequence[ModeRoads]) -> NodeTags:
@@ -221,6 +218,25 @@ def speeds_of_modes(network: RoadNetwork) -> FloatArray:
     speeds = of_tags[np.column_stack((network.ways, ways_back(network)))]
     speeds[~network.two_way, 1] = 0.0
     return speeds
+
+
+def choose_modes(network: RoadNetwork, names: Sequence[str]) -> RoadNetwork:
+    """Return the roads that one of these modes may use; the first that may gives their speed."""
+    others = {*network.modes} - {*names}
+    tags = [{name: value for name, value in of_way.items() if name not in others} for of_way in network.tags]
+    chosen = replace(network, modes=tuple(names), tags=tags)
+    return keep_uses(chosen, np.ones((len(network.sources), len(names)), np.bool_))
+
+
+def open_both_ways(network: RoadNetwork) -> RoadNetwork:
+    """Return the network in which each mode may use its roads in both directions, at the speed along its traffic."""
+    speeds = speeds_of_modes(network)
+    speeds = np.where(speeds > 0.0, speeds, speeds[:, ::-1])
+    rows = np.column_stack((network.ways, ways_back(network)))
+    one_way = np.array([bool(of_way["oneway"]) for of_way in network.tags], np.bool_)[network.ways]
+    tags, rows = _tags_with_speeds(network.tags, rows, speeds, network.modes, one_way)
+    two_way = np.ones(len(rows), np.bool_)
+    return replace(network, tags=tags, ways=rows[:, 0], back_ways=rows[:, 1], two_way=two_way)
 
 
 def keep_uses(network: RoadNetwork, kept: BoolArray) -> RoadNetwork:

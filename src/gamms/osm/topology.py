@@ -184,7 +184,8 @@ def _joined_rows(tags: list[Mapping[str, Any]], ways: IntArray, begins: IntArray
         return of_road
     ends = np.append(begins[1:], len(ways))
     for road in np.flatnonzero(np.minimum.reduceat(ways, begins) != np.maximum.reduceat(ways, begins)).tolist():
-        ids = list(dict.fromkeys(tags[way].get("osmid") for way in ways[begins[road] : ends[road]].tolist()))
+        given = [tags[way].get("osmid") for way in ways[begins[road] : ends[road]].tolist()]
+        ids = list(dict.fromkeys(id for one in given for id in (one if isinstance(one, list) else [one])))
         if len(ids) > 1:
             tags.append({**tags[of_road[road]], "osmid": ids})
             of_road[road] = len(tags) - 1

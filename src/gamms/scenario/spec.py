@@ -38,6 +38,7 @@ Travel = Annotated[
     str,
     Meta(min_length=1, max_length=100, description="A mode of travel of GAMMS, such as walk or drive, or of `modes`."),
 ]
+Modes = Travel | Annotated[list[Travel], Meta(min_length=1, description="The modes of travel of one graph.")]
 Values = dict[str, Any]
 _T = TypeVar("_T", bound=msgspec.Struct)
 
@@ -85,13 +86,14 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
 
     buildings: bool | None = None
     resolution: float = 10.0
-    bidirectional: bool = True
+    bidirectional: bool | None = None
+    osm_type: Modes | None = None
 
 
 class StreetMap(_Mapping, frozen=True, kw_only=True):
     """The common keys of maps of real streets."""
 
-    osm_type: Travel | Annotated[list[Travel], Meta(min_length=1, description="Modes of one graph.")] | None = None
+    osm_type: Modes | None = None
     modes: Annotated[Location, Meta(description="A TOML file of modes of travel in the folder.")] | None = None
     resolution: float | None = None
     bidirectional: bool | None = None
