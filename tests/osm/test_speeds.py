@@ -58,6 +58,45 @@ def test_a_sign_is_read(maxspeed, kph):
     assert speed_kph({"highway": "service", "maxspeed": maxspeed}) == pytest.approx(kph)
 
 
+@pytest.mark.parametrize("key", ["zone:maxspeed", "maxspeed:type", "source:maxspeed", "zone:traffic"])
+@pytest.mark.parametrize(
+    ("value", "kph"),
+    [
+        ("DE:urban", 50.0),
+        ("DE:30", 30.0),
+        ("DE:zone:20", 20.0),
+        ("DE:zone30", 30.0),
+        ("30", 30.0),
+        ("GB:20", 32.18688),
+        ("GB:zone20", 32.18688),
+        ("AT:rural", 80.0),
+        ("sign", 60.0),
+        ("survey;2019", 60.0),
+    ],
+)
+def test_a_zone_gives_the_speed_of_a_road_without_a_sign(key, value, kph):
+    road = {"highway": "primary", key: value}
+    assert speed_kph(road) == pytest.approx(kph)
+    assert modes()["drive"](road).speed_kph == pytest.approx(kph)
+    assert speed_kph({**road, "maxspeed": "70"}) == 70.0
+    assert modes()["drive"].ignored_values(road) == []
+
+
+def test_zones_may_differ_by_direction(make_map, cross):
+    tags = {"highway": "primary", "source:maxspeed:forward": "DE:zone:30", "maxspeed:type:backward": "DE:rural"}
+    access = modes()["drive"](tags)
+    assert (access.speed_kph, access.backward_kph) == (30.0, 80.0)
+    for osm_type in (None, "drive"):
+        graph = graph_from_file(make_map(cross, ([1, 2, 3], tags)), osm_type=osm_type, resolution=1e6)
+        assert sorted(data["speed_kph"] for *_, data in graph.edges(data=True)) == [30.0, 80.0]
+        assert sorted(data["maxspeed"] for *_, data in graph.edges(data=True)) == ["DE:rural", "DE:zone:30"]
+
+
+def test_a_living_street_in_a_traffic_zone_keeps_its_own_limit():
+    assert speed_kph({"highway": "living_street", "zone:traffic": "DE:urban"}) == 10.0
+    assert speed_kph({"highway": "living_street", "zone:maxspeed": "DE:20"}) == 20.0
+
+
 NO_SPEEDS = [None, "", "signals", "variable", "none", "DE:none", "fast", "0", "-50", "999", "1e9", "٣٠", "30 parsecs"]
 NO_SPEEDS += ["nan", math.nan, True, [], {}, [[]], "[", "[]", "[,]", ";;", 1 << 2000, 1e300]
 

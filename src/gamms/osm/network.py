@@ -25,7 +25,7 @@ from gamms.osm.objects import (
     read_edge_values,
     words_of,
 )
-from gamms.osm.speeds import CARS, sign_in_force, unread_signs
+from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, unread_signs
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -212,7 +212,7 @@ def kept_tags(
 def with_signs(attributes: dict[str, Any], tags: Mapping[str, Any], *, against: bool) -> dict[str, Any]:
     """Return the attributes of a way with `maxspeed` as its signs have it for cars, in each direction."""
     plain = plain_tags(tags)
-    if not any(key.startswith("maxspeed:") for key in plain):
+    if not has_special_signs(plain):
         return attributes
     signs = [sign_in_force(plain, CARS, direction) for direction in DIRECTIONS]
     return with_directions(attributes, signs, against=against)

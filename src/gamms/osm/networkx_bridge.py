@@ -18,7 +18,7 @@ from gamms.ir.projection import text_of
 from gamms.limits import GarbagePause, refuse_above
 from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
 from gamms.osm.objects import DIRECTIONS, is_missing, number_of, read_edge_values, truth_of
-from gamms.osm.speeds import CARS, sign_in_force, speed_kph
+from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, speed_kph
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
 
@@ -478,7 +478,7 @@ def _tags_of(
         data = {name: data[name] for name in names if name in data}
     what = f"Edge ({shown(u)}, {shown(v)})"
     tags = {name: value for name, value in read_edge_values(data, what).items() if name not in _OWN}
-    if not any(isinstance(name, str) and name.startswith("maxspeed:") for name in tags):
+    if not has_special_signs(tags):
         return tags
     is_reversed = False if is_missing(data.get("reversed")) else truth_of(data["reversed"])
     if is_reversed is None:

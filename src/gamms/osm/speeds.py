@@ -51,6 +51,11 @@ _NO_LIMIT = frozenset(("none", "unlimited"))
 _NO_LIMIT_KPH = 130.0
 _WITHOUT_LIMIT = frozenset(("motorway", "trunk"))  # the classes of ways on which there are roads without a limit
 
+# Keys that name the kind of limit, or the zone in which a road lies; without a sign they give the speed.
+_ZONES = ("zone:maxspeed", "maxspeed:type", "source:maxspeed", "zone:traffic")
+_OWN_LIMITS = frozenset(("living_street", "pedestrian"))  # classes with a limit of their own in any traffic zone
+_IN_MILES = frozenset(("gb", "uk", "us"))  # countries whose zones are numbers of miles per hour
+
 CARS = ("motorcar", "motor_vehicle", "vehicle")  # names of a car in keys such as maxspeed:motorcar
 _FASTEST_KPH = 300.0  # greater speeds are typing errors
 _METRES_PER_SECOND = 3.6
@@ -99,6 +104,8 @@ def sign_of(tags: Mapping[str, Any], vehicles: Sequence[str] = (), direction: st
     """
     for key in _keys(tuple(vehicles), direction):
         signs = _signs_of(tags[key]) if key in tags else []
+        if key.startswith("zone:traffic") and not _OWN_LIMITS.isdisjoint(words_of(tags.get("highway"))):
+            continue
         speeds = [speed for sign in signs for speed in _speeds_of(sign, tags)]
         if speeds:
             return Sign(key, sum(speeds) / len(speeds))
@@ -114,7 +121,7 @@ def sign_in_force(tags: Mapping[str, Any], vehicles: Sequence[str], direction: s
 def unread_signs(tags: Mapping[str, Any], vehicles: Sequence[str] = CARS) -> Iterator[str]:
     """Yield the signs for a vehicle that give no speed, as "key=word"."""
     for key in sign_keys(vehicles):
-        if key in tags:
+        if key in tags and not key.startswith(_ZONES):  # those also name surveys and other sources
             yield from (f"{key}={word}" for word in _signs_of(tags[key]) if not _speeds_of(word, tags))
 
 
@@ -131,7 +138,14 @@ def _keys(vehicles: tuple[str, ...], direction: str) -> tuple[str, ...]:
         if direction:
             keys += [f"maxspeed:{vehicle}:{direction}", f"maxspeed:{direction}:{vehicle}"]
         keys.append(f"maxspeed:{vehicle}")
-    return (*keys, f"maxspeed:{direction}", "maxspeed") if direction else (*keys, "maxspeed")
+    for key in ("maxspeed", *_ZONES):
+        keys += [f"{key}:{direction}", key] if direction else [key]
+    return tuple(keys)
+
+
+def has_special_signs(tags: Mapping[Any, Any]) -> bool:
+    """Return whether a road may have a limit under another key than `maxspeed`."""
+    return any(isinstance(key, str) and key.startswith(("maxspeed:", *_ZONES)) for key in tags)
 
 
 def _signs_of(value: object) -> list[str]:
@@ -142,13 +156,15 @@ def _signs_of(value: object) -> list[str]:
 
 def _speeds_of(text: str, tags: Mapping[str, Any]) -> list[float]:
     """Return the speed on a sign, or both ends of a range; empty if the text is not a speed."""
-    word = text.rpartition(":")[2].strip()  # the country does not matter
+    word = text.rpartition(":")[2].strip()  # the country does not matter, but for its unit
     if word in SPEED_OF_WORD_KPH:
         return [SPEED_OF_WORD_KPH[word]]
     if word in _NO_LIMIT:
         return [_NO_LIMIT_KPH] if not _WITHOUT_LIMIT.isdisjoint(words_of(tags.get("highway"))) else []
     match = _SIGN.fullmatch(word.removeprefix("zone").strip())
     unit = "" if match is None or match[3] is None else match[3].replace(" ", "")
+    if not unit and text.partition(":")[0].strip() in _IN_MILES:
+        unit = "mph"
     if match is None or unit not in _UNITS:
         return []
     speeds = [float(number.replace(",", ".")) * _UNITS[unit] for number in match.groups()[:2] if number is not None]
