@@ -179,7 +179,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     for number, name in enumerate(roster.names):
         place = block.on_edge(block.row_of(name))
         if place is not None:
-            state.movement.put_on(_ONE, number, place)
+            state.movement.put_on(number, place)
     return state
 
 

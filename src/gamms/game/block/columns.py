@@ -41,17 +41,6 @@ def lock(arrays: Iterable[Column]) -> None:
             array.setflags(write=False)
 
 
-def index_games(games: IntArray) -> IntArray | slice:
-    """Return the same games as an index of arrays: as a slice if they follow each other, which NumPy writes faster."""
-    if not len(games):
-        return games
-    first = int(games[0])
-    last = int(games[-1])
-    if last - first != len(games) - 1 or (last > first and (np.diff(games) != 1).any()):
-        return games
-    return slice(first, last + 1)
-
-
 def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], values: object) -> None:
     """Write to an array that may be read-only."""
     is_writeable = array.flags.writeable

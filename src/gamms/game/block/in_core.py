@@ -17,7 +17,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, index_games, kept_in
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
@@ -444,7 +444,7 @@ class CoreColumns:
         self.waiting: set[tuple[int, int]] = set()
         self.noted: CoreEvents | None = None
         self.take_states(states)
-        self.begin(np.arange(shape[0]))
+        self.begin()
 
     def take_states(self, states: Sequence[GameArrays]) -> None:
         """Set the state of the games on each map; see above."""
@@ -452,14 +452,13 @@ class CoreColumns:
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
 
-    def begin(self, games: IntArray) -> None:
-        """Begin games, whose agents have not moved."""
-        those = index_games(games)
-        self.start[those] = self._state.node[those]
-        self.went[those] = self._state.node[those]
-        self.takes_part[those] = 0
-        self.held[those] = 0
-        self.part[those] = 0
+    def begin(self) -> None:
+        """Begin all games, whose agents have not moved."""
+        self.start[:] = self._state.node
+        self.went[:] = self._state.node
+        self.takes_part[:] = 0
+        self.held[:] = 0
+        self.part[:] = 0
 
     @property
     def begun_columns(self) -> list[np.ndarray[Any, Any]]:

@@ -251,7 +251,7 @@ class InitialState:
         if state.flights is not None:
             self._take_flights(game, state)
         self._take_counts(values, names)
-        self._put(state, columns, np.zeros(1, np.int64))
+        self._put(state, columns)
         self._take_memories(game, state)
 
     def _take_counts(self, values: GameState, names: Sequence[str]) -> None:
@@ -280,32 +280,32 @@ class InitialState:
         """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
-    def _put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
-        """Write the columns of games, which were reset."""
-        state.turn[games] = self.turn
-        state.blocked[games] = self._blocked
-        state.stops[games] = self._stops
-        state.placed[games] = self._placed
+    def _put(self, state: GameArrays, columns: CoreColumns) -> None:
+        """Write the columns of the block."""
+        state.turn[:] = self.turn
+        state.blocked[0] = self._blocked
+        state.stops[0] = self._stops
+        state.placed[0] = self._placed
         for one in NUMBERS:
-            state.numbers[one.name][games] = one.initial
-            state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
-        state.alive[games[:, None], self._agents] = self._alive
+            state.numbers[one.name][:] = one.initial
+            state.numbers[one.name][0, self._agents] = self._numbers[one.name]
+        state.alive[0, self._agents] = self._alive
         has_node = self._is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
-        state.node[games[:, None], self._agents[has_node]] = self._places[0][has_node]
-        state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
-        state.node[games[:, None], self._gone] = self._gone_at
-        state.plays[games[:, None], self._gone_teams] = True
+        state.node[0, self._agents[has_node]] = self._places[0][has_node]
+        state.previous[0, self._agents[self._has_left]] = self._places[1][self._has_left]
+        state.node[0, self._gone] = self._gone_at
+        state.plays[0, self._gone_teams] = True
         for number, place in self._progress:
             if place is not None:
-                state.movement.put_on(games, number, place)
+                state.movement.put_on(number, place)
         for kind, numbers in self._counts.items():
-            state.counts[kind][games] = numbers
+            state.counts[kind][0] = numbers
         if self._over is not None:
-            state.is_going[games] = False
-        columns.begin(games)
+            state.is_going[:] = False
+        columns.begin()
         if self._parts_played:
-            columns.part[games] = self._parts_played
-            columns.takes_part[games] = state.alive[games]
+            columns.part[:] = self._parts_played
+            columns.takes_part[:] = state.alive
 
     def put_values(self, state: GameArrays, games: IntArray) -> None:
         """Write the scores, ends, logs and flights of games that have begun with these columns."""

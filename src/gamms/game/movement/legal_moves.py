@@ -263,19 +263,19 @@ class Movement:
         if not self.by_metres:
             self.clear(games, agents)
 
-    def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
-        """Set the covered part of an agent's edge in some games."""
+    def put_on(self, agent: int, place: Progress) -> None:
+        """Set the covered part of an agent's edge in a block of one game."""
         if self.by_metres:
             rows = np.flatnonzero(self.columns.edge_ids == place.edge)
             if not len(rows):  # the edge was removed
                 return
-            self.motion[games, agent] = place.motion
+            self.motion[0, agent] = place.motion
         elif self.depends_on_speeds:
             rows = self.streets.rows([place.target])
         else:
             return
-        self.edge[games, agent] = rows[0]
-        self.share[games, agent] = place.share
+        self.edge[0, agent] = rows[0]
+        self.share[0, agent] = place.share
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
         """Return the covered parts of edges of a game's agents on these nodes, (agents,), by their numbers."""
