@@ -386,7 +386,7 @@ class Batch(Surface, Immutable, NotPickled):
         engine = self._made_engine()
         engine.stop_at = self._engine.stop_at
         for number in range(len(self._sources)):
-            engine.state_of(number).movement.take_width(self._engine.state_of(number).movement)
+            engine.state_of(number).width = self._engine.state_of(number).width
         self._engine = engine
         self._separate.move_to(engine)
         for place, given in enumerate(self._log):

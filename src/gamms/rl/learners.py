@@ -14,7 +14,15 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.array_functions.given import OutsideActions
-from gamms.game.array_functions.view import ArrayView, LearnerWriter, lasting_in, movement_in, vectors_in, writer_of
+from gamms.game.array_functions.view import (
+    ArrayView,
+    LearnerWriter,
+    lasting_in,
+    set_width,
+    vectors_in,
+    width_in,
+    writer_of,
+)
 from gamms.game.batch import (
     Batch,
     MostAgents,
@@ -283,10 +291,10 @@ class Learners:
 
     def _most_actions(self) -> int:
         """Return the largest number of actions on any map, and give observations on all maps this size."""
-        movements = [movement_in(self._views(number)[0]) for number in range(self.games.num_maps)]
-        most = max(one.width for one in movements)
-        for movement in movements:
-            movement.width = most
+        views = [self._views(number)[0] for number in range(self.games.num_maps)]
+        most = max(map(width_in, views))
+        for view in views:
+            set_width(view, most)
         return most
 
     def close(self) -> None:
@@ -511,7 +519,7 @@ class Learners:
         self._refuse_learners(given)
         change_strategies(self.games, self._add_scripted(given))
         for number in list_newest_sources(self.games):
-            movement_in(self._views(number)[0]).width = self.num_actions
+            set_width(self._views(number)[0], self.num_actions)
         self._newest += 1
         self._sets[self._newest] = given
         self._sets = {number: self._sets[number] for number in {*self._set_of.tolist(), self._newest}}

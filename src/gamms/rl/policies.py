@@ -15,7 +15,7 @@ from gamms.arguments import as_bool, as_context, as_function_of, as_items, as_pa
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView, movement_in, widen
+from gamms.game.array_functions.view import ArrayView, widen, width_in
 from gamms.game.batch import digests_by_map
 from gamms.game.block.columns import sensors_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -392,7 +392,7 @@ def _array_form(player: _PolicyOptions) -> Any:
     def play_policy(view: ArrayView) -> IntArray | FloatArray:
         if described is not None and not player.other_scenario:
             _refuse_other_equipment(loaded.file, described, view)
-        legal = movement_in(view).width
+        legal = width_in(view)
         view = widen(view, _width_on(loaded, legal, flies=view.flies))
         if view.flies:
             return _flight(player, observe, view)

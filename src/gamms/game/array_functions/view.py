@@ -141,7 +141,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         Raises:
             BadValue: an agent has more than 4096 legal nodes.
         """
-        return self._movement.width if self._width is None else self._width
+        return width_in(self) if self._width is None else self._width
 
     @property
     def counts(self) -> IntArray:
@@ -667,6 +667,17 @@ def movement_in(view: ArrayView) -> Movement:
     return view._movement
 
 
+def width_in(view: ArrayView) -> int:
+    """Return the number of actions of the games of a view, for which it may have more entries; see `widen`."""
+    state = view._state
+    return state.movement.width if state.width is None else state.width
+
+
+def set_width(view: ArrayView, width: int) -> None:
+    """Set the number of actions in all games with the map and the strategies of a view, at least that of the map."""
+    view._state.width = width
+
+
 def widen(view: ArrayView, width: int | None) -> ArrayView:
     """Return the view with another number of actions that vectors have entries for.
 
@@ -947,7 +958,7 @@ def writer_of(
     observers = own._made_observers(
         turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games))
     )
-    encoder = Encoder(xy, len(own.roster.names), others or 0, own._movement.width)
+    encoder = Encoder(xy, len(own.roster.names), others or 0, width_in(own))
     ways = None
     vectors = encoder.made(turn.alive, 1)
     if others is None:

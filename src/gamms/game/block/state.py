@@ -624,6 +624,7 @@ class GameArrays(BatchColumns):
         map_number, map_spec: the number of the map among those of the batch, and its entry; see `GameInternals`.
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
+        width: the number of actions of views that learners have set; None: that of the map.
     """
 
     def __init__(
@@ -674,6 +675,7 @@ class GameArrays(BatchColumns):
         self.strategy_in: Callable[[object], Any] | None = None
         self.map_number = 0
         self.map_spec: Any = None
+        self.width: int | None = None
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         if start is not None:
             self.reset(self.seeds, start)
@@ -769,7 +771,6 @@ class GameArrays(BatchColumns):
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
         """Set the map of games, on which other roads are open; None: the map of the start."""
         self.roads.put(games, roads)
-        self.movement.take_roads()
 
     def world(self, games: IntArray, agents: IntArray = _NO_AGENTS) -> MapData:
         """Return the graph, the movement and the cached data of games, for agents: with the edges that they may use.
@@ -997,7 +998,6 @@ class GameArrays(BatchColumns):
             self.headings[:] = headings
             for undo_log in undo_logs:
                 undo_log()
-            self.movement.take_roads()
             self.now.clear()
 
         return undo

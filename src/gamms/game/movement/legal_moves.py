@@ -28,7 +28,7 @@ from gamms.kernels import buffer
 from gamms.typing.on_edges import Lines
 
 _MOST_ACTIONS = 4096  # that masks and vectors have
-_OF_MAP = ("width", "map", "_legal_nodes")  # computed attributes that depend on the open roads
+_OF_MAP = ("map", "_legal_nodes")  # computed attributes that depend on the open roads
 _ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 _AT_ONCE = 1 << 12  # positions at which the most legal nodes are looked for
 
@@ -85,7 +85,6 @@ class Movement:
         by_metres: whether agents may be anywhere on edges, and move by speeds in metres.
         leaves_nodes: whether agents may be off the nodes.
         all_roads: the open roads of each game.
-        roads: the same; None: the roads in `streets` are open in all games.
         tables: the legal nodes of games along one edge on several maps; None: they are on one.
         noted: the legal nodes and positions in games that are played in contexts of their own; None: in none.
         edge: (games, agents) the column `edge` or `begun` of the games; see `BatchColumns`.
@@ -98,11 +97,10 @@ class Movement:
     share: FloatArray
     motion: IntArray
     time: FloatArray
-    roads: OpenRoads | None = None
     tables: RoadTables | None = None
     noted: NotedMoves | None = None
     _on: RoadMap | None = None  # the map, if it is not that of the start
-    _original: "Movement | None" = None  # of which this is a copy on another map or with notes
+    _is_on_one_map = False  # whether all games that it is asked for are on `_on`
 
     def __init__(
         self,
@@ -134,6 +132,11 @@ class Movement:
         self._tables: dict[str | None, RouteTable] = {}
 
     # -- the map --------------------------------------------------------------------------------------------------
+
+    @property
+    def roads(self) -> OpenRoads | None:
+        """The open roads of each game; None: the roads in `streets` are open in all games."""
+        return None if self._is_on_one_map or not self.all_roads.differ else self.all_roads
 
     @property
     def columns(self) -> GraphColumns:
@@ -179,12 +182,10 @@ class Movement:
 
     def on(self, roads: RoadMap) -> Self:
         """Return the movement of the same agents on another map."""
-        own = copy(self)
-        own.roads = None
+        own = self.at_start()
         own.streets = roads.streets
         own._on = roads
         own._tables = {}
-        own._original = self
         for name in _OF_MAP:
             vars(own).pop(name, None)
         return own
@@ -192,13 +193,12 @@ class Movement:
     def at_start(self) -> Self:
         """Return the movement of the same agents on the map of the start."""
         own = copy(self)
-        own.roads = None
+        own._is_on_one_map = True
         return own
 
     def with_notes(self, noted: NotedMoves) -> Self:
         """Return the movement in which the games that are played in contexts of their own are as noted."""
         own = copy(self)
-        own._original = self
         own.noted = noted
         own.leaves_nodes = True
         return own
@@ -238,7 +238,6 @@ class Movement:
         """Begin games with the roads of the map open, given the columns that say where agents are on edges."""
         may_use = [find_usable_edges(self.columns, mode) for mode in self.modes]
         self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time), may_use)
-        self.take_roads()
         self.edge = edge
         self.share = share
         self.motion = motion
@@ -247,10 +246,6 @@ class Movement:
     def modes_of(self, agents: IntArray) -> IntArray:
         """Return the numbers of the modes of agents, each once; none in games without modes."""
         return np.unique(self.mode_of[agents]) if self.modes else np.zeros(0, np.int64)
-
-    def take_roads(self) -> None:
-        """Follow the present maps of the games."""
-        self.roads = self.all_roads if self.all_roads.differ else None
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Reset the covered parts of edges."""
@@ -358,8 +353,6 @@ class Movement:
         Raises:
             BadValue: more than 4096.
         """
-        if self._original is not None:
-            return self._original.width
         most = self.most_legal(_MOST_ACTIONS)
         if most > _MOST_ACTIONS:
             raise BadValue(
@@ -367,12 +360,6 @@ class Movement:
                 "masks and vectors have: give agents lower speeds, a smaller map, or leave legal='edges'."
             )
         return most
-
-    def take_width(self, before: "Movement") -> None:
-        """Have as many actions as the movement of the same agents that this one replaces, if learners have set it."""
-        given = before if before._original is None else before._original
-        if "width" in vars(given):
-            self.width = given.width
 
     def most_legal(self, limit: int) -> int:
         """Return the maximum number of legal nodes; above the limit, any number above it."""
