@@ -208,3 +208,20 @@ def test_a_game_that_has_left_cannot_be_reset_in_its_context():
             games.context(0).game.reset()
         games.reset([0])
         assert games.turn.tolist() == [0, 3, 3]
+
+
+def test_strategies_look_ahead_in_a_game_that_has_left():
+    def count_known(state):
+        ahead = state["fork"](1)
+        state["action"] = state["legal"][(state["turn"] + len(str(ahead))) % len(state["legal"])]
+
+    def learn(ctx):
+        if ctx.game.turn == 3:
+            ctx.agent.get_agent("red_0").strategy = count_known
+
+    with scene([TAG, "respawn"]).build(seed=1) as ctx:
+        ctx.game.add(learn)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [0, 1]
+            assert_as_alone(games, alone)

@@ -490,6 +490,12 @@ class PointedContext:
         self._first_map = self.map.snapshot()
         self._note_map(None)
 
+    @property
+    def at_rest(self) -> Snapshot:
+        """The game of the context as it was before it was pointed at games."""
+        assert self._before is not None  # noqa: S101 - it is held
+        return self._before
+
     def release(self) -> None:
         """Restore the context as it was before it was pointed at games."""
         assert self._before is not None  # noqa: S101 - it is held

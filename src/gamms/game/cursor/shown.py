@@ -24,7 +24,7 @@ from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import BegunPhase, as_called
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import ForkSource, copy_rules
+from gamms.game.snapshots import ForkSource, GameStart, copy_rules
 from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
@@ -330,6 +330,7 @@ class ShownGame(GamesInContext):
             streams[0].bit_generator.state = streams[1].bit_generator.state
         parts = ctx.game.internals.parts
         state = parts.state
+        state.start = GameStart(self._pointed.at_rest, None, (ctx.seed, None))  # what planners know of other agents
         state.has_begun = True
         state.last_turn = None
         state.under_way = None
