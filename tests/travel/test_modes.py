@@ -10,6 +10,7 @@ from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import find_usable_edges
 from gamms.rules import Conflicts, at_random, tag
+from gamms.scenario import Scenario, ScenarioError
 from gamms.sensor import agent_range
 
 LAWS = settings(
@@ -222,3 +223,49 @@ def test_a_recording_and_a_fork_keep_the_modes_of_agents(tmp_path):
     with gamms.create_context(seed=1) as again:
         for _ in again.record.replay(tmp_path / "game.ggr"):
             assert again.agent.get_agent("a").mode == "drive"
+
+
+FLEET = {
+    "map": {"grid": {"rows": 4, "columns": 4, "spacing": 10.0}},
+    "max_turns": 5,
+    "teams": {
+        "police": {
+            "count": 3,
+            "mode": "drive",
+            "strategy": "gamms.strategies:random_walk",
+            "agents": [{"name": "anna", "mode": {"attribute": "walk"}}],
+        },
+        "drones": {"count": 1, "type": "aerial", "speed": 5.0},
+    },
+}
+
+
+def mark_edges(ctx):
+    """Let cars use the edges around the first nodes only."""
+    for edge in [*ctx.graph.get_edges()]:
+        source, target = ctx.graph.get_edge(edge)[1:3]
+        ctx.graph.update_edge({"id": edge, "walk": True, "drive": 30.0 if max(source, target) < 6 else 0.0})
+
+
+def test_agents_of_a_scenario_start_where_their_mode_can_leave(tmp_path):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, spacing=10.0))
+        mark_edges(ctx)
+        ctx.graph.save(tmp_path / "town.gamms")
+        assert {*ctx.graph.place(6, mode="drive")} == {0, 1, 2, 3, 4, 5}
+        with pytest.raises(BadValue, match="Only 6 of 7"):
+            ctx.graph.place(7, mode={"attribute": "drive"})
+    fleet = Scenario(**{**FLEET, "map": {"file": "town.gamms"}}, folder=tmp_path)
+    for seed in range(5):
+        with fleet.build(seed=seed) as ctx:
+            modes = {agent.name: getattr(agent, "mode", None) for agent in ctx.agent.create_iter()}
+            assert modes["anna"] == "walk"
+            assert modes["police_0"] == "drive"
+            assert all(agent.current_node_id < 6 for agent in ctx.agent.create_iter() if agent.team == "police")
+            ctx.game.run()
+            assert all(ctx.agent.get_agent(f"police_{i}").current_node_id < 6 for i in range(3))
+
+
+def test_a_scenario_refuses_the_mode_of_a_flying_team():
+    with pytest.raises(ScenarioError, match=r"teams\.drones\.mode"):
+        Scenario(**{**FLEET, "teams": {"drones": {**FLEET["teams"]["drones"], "mode": "walk"}}})

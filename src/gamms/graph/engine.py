@@ -1,7 +1,7 @@
 """The graph engine, `ctx.graph`: the graph, its obstacles, files and databases, and visibility tables."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
@@ -493,6 +493,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         radius: float | None = None,
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
+        mode: "str | Mapping[str, str] | None" = None,
     ) -> list[int]:
         """Return the ids of `n` different random nodes; see `IGraph`.
 
@@ -501,7 +502,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         if rng is None:
             self._phase.refuse("call ctx.graph.place without rng=state['rng']")
             rng = self._storage.place_stream()
-        return self.graph.place(n, near, radius, apart, rng)
+        return self.graph.place(n, near, radius, apart, rng, mode)
 
     @property
     def routes(self) -> RouteQueries:

@@ -1,7 +1,7 @@
 """The mutable graph: every change and every query of nodes and edges goes through here."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import fields
 from math import inf, pi
@@ -18,7 +18,7 @@ from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import GraphStore, Neighborhoods
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode
 from gamms.ir.projection import scale_fault, text_of
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
@@ -412,9 +412,12 @@ class Graph(Surface, Guarded, IGraph):
         radius: float | None = None,
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
+        mode: "str | Mapping[str, str] | None" = None,
     ) -> list[int]:
         """Return the ids of `n` different random nodes."""
-        return positions.place(self._store, n, near, radius, apart, rng)
+        name = as_mode(mode)
+        graph = self if name is None else self._routes.select_mode(name)
+        return positions.place(self._store, n, near, radius, apart, rng, None if graph is self else graph)
 
     # -- bulk operations ----------------------------------------------------------------------------------------
 

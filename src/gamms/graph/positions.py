@@ -13,6 +13,7 @@ from gamms.graph.store import GraphStore
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, IntArray, label_hint
 from gamms.text import shown
+from gamms.typing.graph_engine import IGraph
 from gamms.typing.graph_values import Numbers
 
 if TYPE_CHECKING:
@@ -53,11 +54,15 @@ def place(
     radius: float | None,
     apart: float,
     rng: "Generator | int | None",
+    leaving: IGraph | None = None,
 ) -> list[int]:
-    """Return the ids of `n` different random nodes."""
+    """Return the ids of `n` different random nodes; `leaving`: a graph with these nodes in which edges leave each."""
     demand = _PlacementRequest(_count(n), as_range(apart, "apart"), _disc(store, near, radius))
     stream = _generator(rng)
     candidates = _candidates(store, demand)
+    if leaving is not None:
+        leads_to = leaving.neighborhoods
+        candidates = candidates[[len(leads_to[store.nodes.ids[row]]) > 1 for row in candidates.tolist()]]
     best: list[int] = []
     for _ in range(_TRIES if demand.apart > 0.0 and len(candidates) >= demand.n else 1):
         drawn = _drawn(store, candidates[stream.permutation(len(candidates))], demand)

@@ -37,9 +37,9 @@ from gamms.scenario.code import (
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.maps import digest_of
-from gamms.scenario.placement import AgentPlacement, TeamMember, members, node_at
+from gamms.scenario.placement import AgentPlacement, TeamMember, flies, members, mode_of, node_at
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
-from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
+from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
 from gamms.typing.actions import strategy_in
@@ -333,6 +333,9 @@ class Builder:
         speed = self._of(member, "speed")
         if speed is not None:
             keywords["speed"] = speed
+        mode = mode_of(self.spec.teams[member.team], member.listed)
+        if mode is not None:
+            keywords["mode"] = mode
         with at(member.path):
             declared = self._sensors(member)
             sensors = {name: self._sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}

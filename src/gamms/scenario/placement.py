@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_member
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import IntArray
@@ -15,8 +16,9 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
 from gamms.scenario.documents import ScenarioError, at, joined
-from gamms.scenario.spec import Agent, LatLon, Place, Spec, Team, TeamDistance
+from gamms.scenario.spec import Agent, LatLon, ModeAttribute, Place, Spec, Team, TeamDistance
 from gamms.text import shown
+from gamms.typing.agent_engine import AgentType
 
 _AGENT_BYTES = 10_000  # of a playing agent with its memory; 5,000 measured
 _SENSOR_BYTES = 2_000  # 1,000 measured, plus its data
@@ -105,6 +107,19 @@ class AgentPlacement:
         return rows
 
 
+def flies(given: str | None) -> bool:
+    """Return whether this names the type of aerial agents, in upper or lower case."""
+    return as_member(AgentType, given) is AgentType.AERIAL
+
+
+def mode_of(team: Team, agent: Agent | None) -> str | None:
+    """Return the mode of an agent, its own or that of its team; None: it may use all edges, or it flies."""
+    given = team.mode if agent is None or agent.mode is None else agent.mode
+    if flies((agent and agent.type) or team.type):
+        return None
+    return given.attribute if isinstance(given, ModeAttribute) else given
+
+
 def node_at(ctx: Context, given: Place, path: str) -> int:
     """Return the node for an id, [x, y], a street, or a latitude and longitude.
 
@@ -145,6 +160,12 @@ class NodePlaces:
     def row_of(self) -> dict[int, int]:
         """The row of each node, by its id."""
         return {id: row for row, id in enumerate(self.ids.tolist())}
+
+    def can_leave(self, mode: str) -> BoolArray:
+        """Return a mask (nodes,) of the nodes from which agents of a mode can move."""
+        offsets, _ = self.ctx.graph.routes.select_mode(mode).routes.neighborhoods()
+        found: BoolArray = np.diff(offsets) > 1  # besides the node itself
+        return found
 
     def far_from(self, rows: IntArray, metres: float) -> WordArray:
         """Return sets of nodes at a straight-line distance of at least `metres` from each row, (rows, words)."""
@@ -260,9 +281,19 @@ class _TeamPlacement:
         return np.flatnonzero(near)
 
     @cached_property
+    def _modes(self) -> list[str]:
+        """The modes of the members that are placed at random."""
+        drawn = [one.listed for number, one in enumerate(self.members) if number not in self.fixed]
+        modes = dict.fromkeys(mode_of(self.spec, one) for one in drawn)
+        return [mode for mode in modes if mode is not None]
+
+    @cached_property
     def _near(self) -> WordArray:
         """The set of nodes where the team may start, before other teams are considered, (words,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
+        for mode in self._modes:
+            with at(f"{self.path}.mode"):
+                allowed &= self.map.can_leave(mode)
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
@@ -272,6 +303,9 @@ class _TeamPlacement:
     def _refusal(self, placed: int, wanted: int, seed: int | None = None) -> str:
         words = [f"only {placed} of {wanted} agents could be placed"]
         ways_out = ["count"]
+        if self._modes:
+            words.append(f"on nodes that mode {self._modes[0]} can leave")
+            ways_out.append("mode")
         if self.spec.within is not None:
             words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
             ways_out.append("within")

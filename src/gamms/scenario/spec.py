@@ -160,11 +160,18 @@ class TeamDistance(_Mapping, frozen=True, kw_only=True):
     at_least: Metres
 
 
+class ModeAttribute(_Mapping, frozen=True, kw_only=True):
+    """The edge attribute that says which edges may be used: by true or false, or by speeds."""
+
+    attribute: Name
+
+
 class AgentKeys(_Mapping, frozen=True, kw_only=True):
     """The keys that a team sets for all its agents, or an agent for itself."""
 
     type: str | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
+    mode: Name | ModeAttribute | None = None
     altitude: float | None = None
     sensors: dict[Name, Sensor] | list[Name] | None = None
     strategy: Reference | Code | None = None

@@ -29,7 +29,7 @@ from gamms.scenario.code import (
 )
 from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, joined
 from gamms.scenario.kinds import check_kind, check_parameter, kind_of, resolvers
-from gamms.scenario.placement import members
+from gamms.scenario.placement import flies, members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
@@ -113,11 +113,6 @@ def sensor_type(given: str) -> SensorType | None:
     """Return the built-in sensor type of this name, in upper or lower case, or None."""
     kind = as_member(SensorType, given)
     return kind if kind in KINDS else None
-
-
-def flies(given: str | None) -> bool:
-    """Return whether this names the type of aerial agents, in upper or lower case."""
-    return as_member(AgentType, given) is AgentType.AERIAL
 
 
 def _unknown_type(path: str, kind: str, given: str, names: list[str]) -> ScenarioError:
@@ -212,6 +207,8 @@ def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec:
     is_aerial = flies(one.type or team.type)
     if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
         raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
+    if one.mode is not None and is_aerial:
+        raise ScenarioError(f"{where}.mode", "is for agents on the ground: this one flies over all edges.")
     if one.altitude is not None and not is_aerial and (one is not team or not flies(team.type)):
         raise ScenarioError(f"{where}.altitude", "is for agents of type aerial.")
 

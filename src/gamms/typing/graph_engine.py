@@ -328,6 +328,7 @@ class IGraph(ABC):
         radius: float | None = None,
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
+        mode: "str | Mapping[str, str] | None" = None,
     ) -> list[int]:
         """Return the ids of `n` different random nodes.
 
@@ -337,6 +338,7 @@ class IGraph(ABC):
             radius: map units around `near`, border included.
             apart: minimum straight-line distance between two of the nodes, map units.
             rng: the source of random numbers: a generator, for example `ctx.rng`, or a seed; see `GraphEngine.place`.
+            mode: the mode of agents that must be able to leave the nodes, as in `create_agent`; None: any node.
 
         Raises:
             BadValue (ValueError): not enough nodes fit; the message says how many did.
