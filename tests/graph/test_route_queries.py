@@ -1,6 +1,7 @@
 """Queries of several paths or places: k shortest paths, isochrones, the nearest of many, the nearest edge, matrices."""
 
 import math
+import pickle
 from itertools import islice
 from unittest import mock
 
@@ -154,3 +155,8 @@ def test_an_engine_with_the_defaults_of_the_contract_answers_alike(town):
             lambda queries: queries.nearest_edge(133, 77)[1:],
         ):
             assert ask(other) == ask(town.routes)
+
+
+def test_routes_are_pickled_after_they_have_answered(town):
+    far = town.graph.distances(source=0)
+    assert pickle.loads(pickle.dumps(town.routes)).isochrones(0, [1e9])[0].tolist() == [*far]
