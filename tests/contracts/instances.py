@@ -95,6 +95,7 @@ def parts_of_a_game(closing: contextlib.ExitStack) -> Instances:
         "graph engine": ctx.graph,
         "graph": ctx.graph.graph,
         "routes": ctx.graph.routes,
+        "isochrones": ctx.graph.isochrone(0, 10.0),
         "node": ctx.graph.graph.get_node(0),
         "edge": ctx.graph.graph.get_edge(0),
         "face": ctx.graph.get_obstacle_face(0),

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from gamms.graph.export import Frames
+    from gamms.graph.isochrones import Isochrones, Source
     from gamms.graph.map_file import MapDatabase, SavedMap
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
@@ -227,6 +228,39 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             BadValue (ValueError): not a polygon, or GeoJSON on a map without a CRS.
         """
         return inside(self.graph.columns(), region_of(polygon, self.crs), touching=touching)
+
+    def isochrone(
+        self,
+        source: "Source",
+        limits: float | Iterable[float],
+        *,
+        weight: str | None = "length",
+        width: float = 25.0,
+    ) -> "Isochrones":
+        """Return what can be reached from a place within limits, as parts of edges and as polygons.
+
+        Dijkstra's algorithm finds the cost of the way to each node. On each edge the limit ends at an exact point: a
+        cost is spent evenly along the edge. The polygon of a limit has all places within `width` of what is reached
+        (the line-based network buffer of Oliver, Schuurman and Hall, 2007).
+
+        Args:
+            source: a node id; or a place on an edge, `{"edge": id, "share": 0.25}`, the share of its length behind the
+                place, 0 by default. Where the opposite edge exists, the way back is open, too.
+            limits: one limit, or several, in the unit of the weight: metres for "length", seconds for "travel_time".
+            weight: see `IGraph`.
+            width: map units.
+
+        Returns:
+            A sequence of one `Isochrone` for each limit, with `polygon`, `parts`, `lines` and `ends`; `export(path)`
+            writes it as GeoJSON, and `draw` is a drawer for `ctx.visual.add_artist`.
+
+        Raises:
+            UnknownName (KeyError): the node, the edge or the weight does not exist.
+            BadValue (ValueError): a limit is negative or infinite, the share exceeds 1, or the width is not positive.
+        """
+        from gamms.graph.isochrones import find_isochrones
+
+        return find_isochrones(self.graph, source, limits, weight, width, self.attribution)
 
     def track(self, path: str | os.PathLike[str], within: float = 50.0) -> Track:
         """Match a GPX file to the graph, and return its paths.

@@ -37,6 +37,26 @@ def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
     return [part for part in parts if isinstance(part, shapely.Polygon)]
 
 
+def buffer_lines(lines: Sequence[FloatArray], center: FloatArray, width: float) -> "Polygon | MultiPolygon":
+    """Return the places within a width of lines, (points, 2) each, or of a center (x, y).
+
+    Circles are polygons with 32 corners, as is usual: their areas are 0.6 % too small.
+    """
+    import shapely
+
+    seen = {min(line.tobytes(), line[::-1].tobytes()): line for line in lines}  # streets have two directions
+    strings = [shapely.LineString(line) for line in seen.values()]
+    # NOTE: one buffer around all lines takes 60 times as long (Helsinki, 10,000 parts of edges).
+    return shapely.union_all([shapely.Point(*center).buffer(width), *shapely.buffer(strings, width)])
+
+
+def polygons_in(area: "Polygon | MultiPolygon") -> "list[Polygon]":
+    """Return the polygons of an area."""
+    import shapely
+
+    return list(shapely.get_parts(area))
+
+
 def are_within(points: FloatArray, corners: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
     """Return which points (points, 2) are inside a polygon (corners, 2), and not on its border."""
     import shapely
