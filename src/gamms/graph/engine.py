@@ -514,10 +514,12 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     nearest_node = _forwarded(Graph.nearest_node)
     to_networkx = _forwarded(Graph.to_networkx)
 
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+    def distance(
+        self, source: int, target: int, weight: str | None = "length", *, turns: str | bool | None = None
+    ) -> float:
         """Return the length of the shortest path between two nodes; infinite if there is no path."""
         graph = self._graph  # NOTE: the property would double the time (benchmarks: Paths)
-        return (self.graph if graph is None else graph).distance(source, target, weight)
+        return (self.graph if graph is None else graph).distance(source, target, weight, turns=turns)
 
     @names_keywords
     def place(

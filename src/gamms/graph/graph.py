@@ -33,6 +33,7 @@ from gamms.typing.graph_engine import (
     OSMEdge,
     Surroundings,
 )
+from gamms.typing.graph_values import NodeIds
 from gamms.typing.map_storage import IGraphSource
 from gamms.typing.routes import RouteQueries
 
@@ -359,14 +360,26 @@ class Graph(Surface, Guarded, IGraph):
         return self._queries
 
     def shortest_path(
-        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
+        self,
+        source: int,
+        target: int,
+        weight: str | None = "length",
+        most_edges: int | None = None,
+        *,
+        turns: str | bool | None = None,
     ) -> list[int]:
         """Return the ids of the nodes on the shortest path between two nodes, both included."""
+        if turns is not None:
+            return self._queries.path_with_turns(source, target, weight, most_edges, turns)
         # NOTE: no further call, because strategies ask this every turn (benchmarks: Paths).
         return self._routes.shortest_path(source, target, weight, most_edges)
 
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+    def distance(
+        self, source: int, target: int, weight: str | None = "length", *, turns: str | bool | None = None
+    ) -> float:
         """Return the length of the shortest path between two nodes; infinite if there is no path."""
+        if turns is not None:
+            return self._queries.distance_with_turns(source, target, weight, turns)
         # NOTE: many strategies ask this every turn about the same targets (benchmarks: Paths).
         cache = self._routes.cache
         store = self._store
@@ -379,6 +392,20 @@ class Graph(Surface, Guarded, IGraph):
                 far: float = known[0][row]
                 return far
         return self._routes.distance(source, target, weight)
+
+    def distances(
+        self,
+        source: NodeIds | None = None,
+        target: NodeIds | None = None,
+        weight: str | None = "length",
+        cutoff: float | None = None,
+        *,
+        turns: str | bool | None = None,
+    ) -> dict[int, float]:
+        """Return the path lengths from a node to all nodes, or from all nodes to a node."""
+        if turns is not None:
+            return self._queries.distances_with_turns(source, target, weight, cutoff, turns)
+        return self._routes.distances(source, target, weight, cutoff)
 
     def _routes_now(self) -> CachedRoutes:
         return self._routes

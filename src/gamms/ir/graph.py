@@ -1,5 +1,6 @@
 """The road network as columns, for kernels and drawers; and ids of its nodes that callers pass."""
 
+import json
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, ItemsView, Iterator, Mapping, Sequence, ValuesView
 from dataclasses import dataclass, fields, replace
@@ -345,6 +346,55 @@ def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
     if isinstance(values, RowMapping):
         return values.chosen(places, rows[places])
     return {row: values[one] for row, one in zip(rows[places].tolist(), old[places].tolist(), strict=True)}
+
+
+# -- turns ----------------------------------------------------------------------------------------------------------
+
+FORBIDDEN_TURNS = "forbidden_turns"  # attribute of edges: mode of travel -> lists of the ids of edges not to take next
+
+
+def forbidden_paths(columns: GraphColumns) -> dict[str, list[tuple[int, ...]]]:
+    """Return mode of travel -> the sequences of edges, by id, that are forbidden to it, from attributes of edges.
+
+    Sequences with an edge that is not on the graph are left out.
+
+    Raises:
+        BadValue: an attribute has another form.
+    """
+    given = columns.edge_attributes.get(FORBIDDEN_TURNS, {})
+    ids = columns.edge_ids.tolist()
+    known = frozenset(ids)
+    found: dict[str, list[tuple[int, ...]]] = {}
+    for row, value in given.items():
+        for mode, rests in read_forbidden_turns(value, ids[row]).items():
+            paths = found.setdefault(mode, [])
+            paths += [(ids[row], *rest) for rest in rests if known.issuperset(rest)]
+    return found
+
+
+def read_forbidden_turns(value: object, edge_id: object) -> Mapping[str, Sequence[Sequence[int]]]:
+    """Return the value of `FORBIDDEN_TURNS` of an edge, which may be JSON text, as GraphML files have it.
+
+    Raises:
+        BadValue: it has another form.
+    """
+    try:
+        plain = json.loads(value) if isinstance(value, str) else value
+    except ValueError:
+        plain = None
+    if isinstance(plain, Mapping) and all(isinstance(mode, str) and _are_paths(rests) for mode, rests in plain.items()):
+        return plain
+    raise BadValue(
+        f"{FORBIDDEN_TURNS!r} of edge {shown(edge_id)} must name, for each mode of travel, lists of ids of edges that "
+        f"must not follow, such as {{'drive': [[7], [8, 9]]}}, not be {shown(value)}."
+    )
+
+
+def _are_paths(rests: object) -> bool:
+    """Return whether a value is a list of lists of whole numbers, none empty."""
+    return isinstance(rests, (list, tuple)) and all(
+        isinstance(rest, (list, tuple)) and len(rest) > 0 and all(type(id) is int for id in rest) for rest in rests
+    )
 
 
 def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:

@@ -64,11 +64,14 @@ from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each
 from gamms.kernels.paths import (
     Arcs,
+    ForbiddenPaths,
     ReachableNodes,
     Search,
     SearchResult,
     ShortestPath,
+    TurnStates,
     least_matching,
     make_arcs,
     route_tables,
+    turn_states,
 )

@@ -3,6 +3,7 @@
 Minimum-cost matchings are found by shortest augmenting paths.
 """
 
+from collections.abc import Iterable
 from math import inf
 from typing import Any, NamedTuple
 
@@ -10,6 +11,8 @@ import numpy as np
 
 from gamms.core import routes, travel
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.csr import expand_ranges, group_rows
 
 _MANY = 1 << 62  # nodes: more than any graph has
 _NEVER = np.array([-1])  # a goal that is never reached, so that all nodes are searched
@@ -195,6 +198,95 @@ def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf
     distances[found.lines, found.rows] = found.far
     steps[found.lines, found.rows] = found.before
     return distances, steps
+
+
+class ForbiddenPaths:
+    """Paths that must not be followed, as the automaton of Aho and Corasick (1975).
+
+    The state after a walk is the longest end of it that begins a forbidden path, at least its last edge.
+
+    Args:
+        paths: numbers of edges, at least two each.
+
+    Attributes:
+        starts: the first edges of the paths.
+        begins: all proper beginnings of forbidden paths with more than one edge, in order.
+    """
+
+    def __init__(self, paths: Iterable[tuple[int, ...]]) -> None:
+        self._paths = frozenset(paths)
+        self.starts = frozenset(path[0] for path in self._paths)
+        self.begins = dict.fromkeys(path[:end] for path in sorted(self._paths) for end in range(2, len(path)))
+
+    def step(self, state: tuple[int, ...], edge: int) -> tuple[int, ...] | None:
+        """Return the state after one more edge; None: it would complete a forbidden path."""
+        walk = (*state, edge)
+        ends = [walk[first:] for first in range(len(walk))]
+        if not self._paths.isdisjoint(ends):
+            return None
+        return next((end for end in ends if end in self.begins), ends[-1])
+
+
+class TurnStates(NamedTuple):
+    """The states of traffic that obeys forbidden paths, and the steps between them.
+
+    Rows below the number of edges are "on this edge", which is all that matters there; further rows are beginnings of
+    forbidden paths with more edges.
+    """
+
+    edges: IntArray  # (states,)  the last edge
+    starts: IntArray  # (steps,)  states
+    ends: IntArray  # (steps,)  states
+
+
+def turn_states(
+    sources: IntArray,
+    targets: IntArray,
+    lengths: FloatArray,
+    is_open: BoolArray,
+    forbidden: ForbiddenPaths,
+) -> TurnStates:
+    """Return the states of traffic on a graph.
+
+    Traffic turns back, onto an edge with the same ends and length, only where no other edge may be taken.
+
+    Args:
+        sources: (edges,) rows of nodes.
+        targets: (edges,) rows of nodes.
+        lengths: (edges,)
+        is_open: (edges,) whether traffic may use the edge.
+        forbidden: paths of rows of edges.
+    """
+    count = len(sources)
+    nodes = int(max(sources.max(initial=-1), targets.max(initial=-1))) + 1
+    rows = np.flatnonzero(is_open)
+    offsets, order = group_rows(sources[rows], nodes)
+    leaving = rows[order]
+    before, places = expand_ranges(offsets[targets[rows]], offsets[targets[rows] + 1])
+    starts = rows[before]
+    ends = leaving[places]
+    is_back = (sources[starts] == targets[ends]) & (lengths[starts] == lengths[ends])
+    has_others = np.bincount(starts[~is_back], minlength=count) > 0
+    is_plain = ~np.isin(starts, [*forbidden.starts]) & (~is_back | ~has_others[starts])
+    number = {begin: count + place for place, begin in enumerate(forbidden.begins)}
+    steps: list[tuple[int, int]] = []
+    special = [(edge,) for edge in sorted(forbidden.starts) if is_open[edge]]
+    for state in (*special, *forbidden.begins):
+        last = state[-1]
+        onward = leaving[offsets[targets[last]] : offsets[targets[last] + 1]].tolist()
+        back = [edge for edge in onward if targets[edge] == sources[last] and lengths[edge] == lengths[last]]
+        for edges in ([edge for edge in onward if edge not in back], back):
+            found = [after for edge in edges if (after := forbidden.step(state, edge)) is not None]
+            if found:
+                steps += [(number.get(state, last), number.get(after, after[-1])) for after in found]
+                break
+    some = np.array(steps, np.int64).reshape(-1, 2)
+    last_edges = [begin[-1] for begin in forbidden.begins]
+    return TurnStates(
+        np.concatenate((np.arange(count), np.array(last_edges, np.int64))),
+        np.concatenate((starts[is_plain], some[:, 0])),
+        np.concatenate((ends[is_plain], some[:, 1])),
+    )
 
 
 def least_matching(costs: FloatArray) -> list[int]:

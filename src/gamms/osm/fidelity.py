@@ -56,6 +56,7 @@ from gamms.osm.objects import number_of, plain_tags
 from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
 from gamms.osm.speeds import speed_kph
 from gamms.osm.topology import chains_of, consolidate, degrees, simplify
+from gamms.osm.turns import RestrictionCounts
 from gamms.progress import progress
 from gamms.text import printable_line, shown
 from gamms.typing import IGraphEngine
@@ -101,7 +102,10 @@ class Report(NamedTuple):
     across: float  # of the added lines across squares, in all parts
     doubled: float  # of roads that are there again, for those of several modes that a barrier stops
     conditional_ignored: int  # ways with rules for certain times only, such as access:conditional
+    turn_restrictions: int  # that hold for the mode of travel, on its roads
     turn_restrictions_ignored: int
+    turn_restrictions_conditional: int  # of these, ones that hold at some times only
+    turn_restrictions_of_others: int  # … ones for other vehicles; the rest is unclear, or on other roads
     ignored_values: dict[str, int]  # tags for access, direction or speed that have no known meaning -> ways with them
     barriers: int  # where agents cannot pass, such as bollards on streets for cars
     filtered: float  # of open ways that the caller's filter refuses
@@ -182,6 +186,7 @@ class Report(NamedTuple):
                 "ignored",
                 f"{self.turn_restrictions_ignored:,} turn restrictions, {self.conditional_ignored:,} conditional",
             ),
+            ("turns", self._turns_in_words()),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -202,6 +207,14 @@ class Report(NamedTuple):
             ("on the map", f"{yes[self.on_map_kept]}: {self.surplus_max:.2f} m off at most"),
             ("source accounted", f"{yes[self.source_kept]}: open, closed and left out are all of it"),
         ]
+
+    def _turns_in_words(self) -> str:
+        """Return how many turn restrictions hold, and why others do not."""
+        conditional = self.turn_restrictions_conditional
+        of_others = self.turn_restrictions_of_others
+        rest = self.turn_restrictions_ignored - conditional - of_others
+        ignored = f"{conditional:,} conditional, {of_others:,} of others, {rest:,} unclear or elsewhere"
+        return f"{self.turn_restrictions:,} restrictions hold; ignored are {ignored}"
 
     def _closed_in_words(self, key: str) -> str:
         """Return which ways are closed by `highway`, by `area`, or for an empty key by other tags."""
@@ -295,6 +308,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     if "tolerance" in about:
         joints = max(joints, _wrong_joints(roads, merged, 0.0))
     off_map = _surplus(roads, source)
+    signs = about.get("turn_signs", RestrictionCounts(held=source.turn_restrictions))
     least = LEAST_PIECE - _SLACK
     most = MOST_PIECE + _SLACK
     in_bounds = ((regular >= least) & (regular <= most)).all()
@@ -312,7 +326,10 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         across=source.left_out.across_m,
         doubled=source.left_out.doubled_m,
         conditional_ignored=about.get("conditional", 0),
-        turn_restrictions_ignored=about.get("turn_restrictions", 0),
+        turn_restrictions=source.turn_restrictions,
+        turn_restrictions_ignored=sum(signs) - source.turn_restrictions,
+        turn_restrictions_conditional=signs.conditional,
+        turn_restrictions_of_others=signs.others,
         ignored_values=about.get("ignored_values", {}),
         barriers=source.left_out.barriers,
         filtered=about.get("filtered", 0.0),
@@ -425,7 +442,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
     Returns:
         source_length, clipped, filtered, closed (closing tag -> meters, largest first), conditional,
-        turn_restrictions, ignored_values.
+        turn_signs, ignored_values.
     """
     if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
         return {}
@@ -447,7 +464,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         is_open = set[tuple[int, int, int]]()
         for one in parts:
             is_open |= {*_pieces_of_ways(read_ways(as_file(source), show, one.rule, areas=one.areas))}
-        restrictions = count_turn_restrictions(as_file(source))
+        signs = max(count_turn_restrictions(as_file(source), one.vehicles) for one in parts)
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     known = np.ones(len(pieces.lonlat), np.bool_)
@@ -470,7 +487,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         "conditional": sum(
             tags["conditional"] and length > 0.0 for tags, length in zip(ways.tags, of_ways, strict=True)
         ),
-        "turn_restrictions": restrictions,
+        "turn_signs": signs,
         "ignored_values": dict(sorted(ignored.items(), key=lambda item: (-item[1], item[0]))),
     }
 

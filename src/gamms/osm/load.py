@@ -48,6 +48,7 @@ from gamms.osm.modes import (
     rule_of,
     stops_of,
     tolerance_of,
+    vehicles_of,
 )
 from gamms.osm.network import (
     ONLY_HIGHWAYS,
@@ -75,7 +76,7 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
-from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.osmium_reader import as_file, read_restrictions, read_ways
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
 from gamms.typing import IContext
@@ -128,6 +129,7 @@ class RoadSelection(NamedTuple):
     areas: bool = False  # add lines across open areas
     tags: tuple[str, ...] = ()  # further tags to keep
     stops: Stops | None = None  # which barriers end a road
+    vehicles: tuple[str, ...] = ()  # the names of the mode in turn restrictions; empty: none hold for it
     is_classic: bool = False  # nodes have only the attributes of gamms 1.0.0
     clip: "Polygon | MultiPolygon | None" = None  # the area in degrees to read
     snap: float = 0.0  # meters, for GeoJSON
@@ -306,6 +308,7 @@ def selection_of(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...]
         rule = keeping(rule_of(mode), tags)
         stops = stops_of(mode)
         chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
+        chosen = chosen._replace(vehicles=vehicles_of(mode))
         chosen = chosen._replace(ignored=mode.ignored_values if isinstance(mode, Mode) else None)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
@@ -434,6 +437,7 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
         network = network_of_columns(columns)
         if scale_fault(columns.crs, columns.xy):
             network = connected(in_true_metres(network, crs_of(columns.crs)[0]))
+        network = joined_directions(network) if network.turns else network
         return cut(network, recipe, show)
 
 
@@ -502,7 +506,7 @@ def _are_walked(network: RoadNetwork, ground: ElevationSource) -> bool | BoolArr
 def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
     """Return the entries of `G.graph`: the recipe, and the lengths of merged and omitted roads."""
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
-    return {**recipe._asdict(), **merged, **network.left_out._asdict()}
+    return {**recipe._asdict(), **merged, **network.left_out._asdict(), "turn_restrictions": network.turn_restrictions}
 
 
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
@@ -602,6 +606,8 @@ def _read_with_squares(
         clip=selection.clip,
         around_buildings=selection.around_buildings,
     )
+    if selection.vehicles:
+        ways = replace(ways, restrictions=read_restrictions(file, {selection.mode: selection.vehicles}))
     return with_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
 
 

@@ -32,6 +32,7 @@ from gamms.osm.network import (
 )
 from gamms.osm.objects import NodeTags
 from gamms.osm.topology import without_unused_nodes
+from gamms.osm.turns import ForbiddenTurns, Paths, renumber
 
 _ACROSS_ID = -1  # of lines across squares, which are no ways
 
@@ -99,6 +100,11 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
     names = tuple(part.name for part in parts)
     tags, row = _tags_with_speeds([tags for use in uses for tags in use.tags], row, speeds, names, ~two_way)
     segments = RoadSegments(lonlat.reshape(-1, 2)[seen], nodes[0::2], nodes[1::2], row[:, 0], refs.ravel()[seen])
+    segments = replace(
+        segments,
+        turns=_join_turns(parts, of_modes, refs),
+        turn_restrictions=max(part.segments.turn_restrictions for part in parts),
+    )
     network = network_in_degrees(segments, two_way=two_way, tags=tags, back_ways=row[:, 1])
     barriers = {ref for part in parts for ref in part.ways.barriers}
     is_across = np.array([ACROSS in of_way for of_way in tags], np.bool_)[network.ways]
@@ -117,6 +123,16 @@ def unite(parts: Sequence[ModeRoads], *, both_ways: bool) -> UnitedRoads:
         nodes=_join_node_tags(parts),
     )
     return UnitedRoads(open_both_ways(network) if both_ways else network, of_modes)
+
+
+def _join_turns(parts: Sequence[ModeRoads], of_modes: Sequence[IntArray], refs: IntArray) -> ForbiddenTurns:
+    """Return the forbidden turns of all modes on the roads with nodes of these ids (roads, 2)."""
+    found: dict[str, Paths] = {}
+    for part, roads in zip(parts, of_modes, strict=True):
+        is_turned = part.refs()[:, 0] != refs[roads, 0]
+        numbers = np.column_stack((2 * roads + is_turned, 2 * roads + ~is_turned)).ravel()
+        found.update(renumber(part.segments.turns, numbers))
+    return found
 
 
 def _join_node_tags(parts: Sequence[ModeRoads]) -> NodeTags:
@@ -257,8 +273,11 @@ def keep_uses(network: RoadNetwork, kept: BoolArray) -> RoadNetwork:
     turned = ~is_open[:, 0] & is_open[:, 1]
     mirrored = np.repeat(turned, np.diff(network.offsets))
     points = network.points[np.where(mirrored, reversed_points(network.offsets), np.arange(len(network.points)))]
+    rows_of = np.arange(len(turned))
+    numbers = np.column_stack((2 * rows_of + turned, 2 * rows_of + ~turned)).ravel()
     result = replace(
         network,
+        turns=renumber(network.turns, numbers),
         sources=np.where(turned, network.targets, network.sources),
         targets=np.where(turned, network.sources, network.targets),
         points=points,

@@ -51,6 +51,7 @@ _USERS = frozenset(("bus", "customers", "employees", "guests", "hov", "permit", 
 _PURPOSES = frozenset(("agricultural", "delivery", "destination", "emergency", "forestry", "loading", "military"))
 _NEUTRAL = _USERS | _PURPOSES | {"discouraged", "dismount", "limited", "no", "private", "use_sidepath"}
 _FASTEST_KPH = 300.0
+_VEHICLE = "vehicle"  # the access key of everything that is not a walker
 _TOLERANCE_M = 0.5  # if the mode does not state the width of its junctions
 
 
@@ -426,6 +427,14 @@ def tolerance_of(mode: Travel | None) -> float:
 def stops_of(mode: ModeFunction | None) -> Stops | None:
     """Return the test for nodes that agents of a mode cannot pass; None: they pass all."""
     return mode.is_stopped_by if isinstance(mode, Mode) else None
+
+
+def vehicles_of(mode: ModeFunction | None) -> tuple[str, ...]:
+    """Return the names of a mode in turn restrictions, the most specific first; empty if none hold for it.
+
+    They hold for vehicles, so not for walkers; nothing is known about the vehicle of a function.
+    """
+    return mode.vehicles if isinstance(mode, Mode) and _VEHICLE in mode.access else ()
 
 
 def honour_traffic(mode: ModeFunction) -> ModeFunction:

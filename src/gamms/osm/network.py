@@ -1,7 +1,7 @@
 """Road networks as columns: the ways of a map, the rules that select roads from them, and roads with polylines."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_member
 from gamms.errors import BadType
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FORBIDDEN_TURNS, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, ground_scale, is_true, project, utm_crs
 from gamms.osm.footprints import BuildingIndex
@@ -26,6 +26,7 @@ from gamms.osm.objects import (
     words_of,
 )
 from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, unread_signs
+from gamms.osm.turns import ForbiddenTurns, RoadPieces, TurnRestriction, choose, renumber, turns_of_edges
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -118,6 +119,7 @@ class OsmRoads:
     barriers: Collection[int] = ()  # ids of nodes that no agent can pass
     buildings: BuildingIndex | None = None  # of the map; None: unknown
     ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, if known; equal for the pieces of one way
+    restrictions: Mapping[str, Sequence[TurnRestriction]] = field(default_factory=dict)  # by mode of travel
     without_nodes: int = 0  # the number of ways that are left out, because they have fewer than two nodes
 
 
@@ -130,6 +132,8 @@ class RoadSegments:
     targets: IntArray  # (segments,)  node rows
     ways: IntArray  # (segments,)  way rows
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
+    turns: ForbiddenTurns = field(default_factory=dict)
+    turn_restrictions: int = 0  # of the map that hold on these roads
 
 
 def is_upright(tags: Mapping[str, Any]) -> bool:
@@ -276,7 +280,31 @@ def segments_of(ways: OsmRoads) -> RoadSegments:
     targets = rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
-    return RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
+    segments = RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
+    return _with_turns(segments, ways) if ways.restrictions else segments
+
+
+def _with_turns(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
+    """Return the segments of ways with the paths that turn restrictions forbid."""
+    named = {id for held in ways.restrictions.values() for one in held for id in one.ways()}
+    rows = [row for row, id in enumerate(ways.ids) if id in named]
+    of_way: dict[int, list[int]] = {}
+    for segment in np.flatnonzero(np.isin(segments.ways, rows)).tolist():
+        of_way.setdefault(ways.ids[segments.ways[segment]], []).append(segment)
+    vias = {id for held in ways.restrictions.values() for one in held for id in one.nodes()}
+    places: dict[int, list[int]] = {}
+    refs = np.zeros(0, np.int64) if segments.refs is None else segments.refs
+    for node in np.flatnonzero(np.isin(refs, [*vias])).tolist():
+        places.setdefault(int(refs[node]), []).append(node)
+    one_way = np.fromiter((bool(of_way["oneway"]) for of_way in ways.tags), np.bool_, len(ways.tags))
+    ends = (segments.sources, segments.targets)
+    pieces = RoadPieces(*ends, len(segments.lonlat), of_way, places, one_way[segments.ways])
+    found = {mode: pieces.forbidden(held) for mode, held in ways.restrictions.items()}
+    return replace(
+        segments,
+        turns={mode: paths for mode, (paths, _) in found.items()},
+        turn_restrictions=sum(count for _, count in found.values()),
+    )
 
 
 def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> RoadSegments:
@@ -307,12 +335,14 @@ def in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
 def _within(segments: RoadSegments, inside: BoolArray) -> RoadSegments:
     kept = inside[segments.sources] & inside[segments.targets]
     row = np.cumsum(inside) - 1
-    return RoadSegments(
-        segments.lonlat[inside],
-        row[segments.sources[kept]],
-        row[segments.targets[kept]],
-        segments.ways[kept],
-        None if segments.refs is None else segments.refs[inside],
+    return replace(
+        segments,
+        lonlat=segments.lonlat[inside],
+        sources=row[segments.sources[kept]],
+        targets=row[segments.targets[kept]],
+        ways=segments.ways[kept],
+        refs=None if segments.refs is None else segments.refs[inside],
+        turns=choose(segments.turns, np.flatnonzero(kept), len(kept)),
     )
 
 
@@ -505,6 +535,8 @@ class RoadNetwork:
     modes: tuple[str, ...] = ()  # the attributes of `tags` with the speeds of several modes of travel; 0: closed
     buildings: BuildingIndex | None = None  # of the map; None: unknown
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface
+    turns: ForbiddenTurns = field(default_factory=dict)
+    turn_restrictions: int = 0  # of the map that hold on these roads
 
 
 def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
@@ -556,7 +588,8 @@ def network_in_degrees(
     """
     lengths = ellipsoid_lengths(segments.lonlat[segments.sources], segments.lonlat[segments.targets])
     roads = network_of_lines(segments.lonlat, (segments.sources, segments.targets), {}, lengths, tags, None)
-    return replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
+    roads = replace(roads, two_way=two_way, ways=segments.ways, back_ways=back_ways, refs=segments.refs)
+    return replace(roads, turns=segments.turns, turn_restrictions=segments.turn_restrictions)
 
 
 def in_metres(network: RoadNetwork) -> RoadNetwork:
@@ -650,6 +683,7 @@ def chosen_roads(network: RoadNetwork, roads: IntArray) -> RoadNetwork:
         two_way=network.two_way[roads],
         ways=network.ways[roads],
         back_ways=None if network.back_ways is None else network.back_ways[roads],
+        turns=choose(network.turns, roads, len(network.sources)),
     )
 
 
@@ -671,13 +705,15 @@ def network_of_columns(columns: GraphColumns) -> RoadNetwork:
     """
     given: list[dict[str, Any]] = [{} for _ in range(len(columns.edge_ids))]
     for name, values in columns.edge_attributes.items():
-        for row, value in values.items():
+        for row, value in values.items() if name != FORBIDDEN_TURNS else ():
             given[row][name] = value
+    signs = columns.edge_attributes.get(FORBIDDEN_TURNS, {})
+    turns = turns_of_edges(columns.edge_ids.tolist(), signs) if signs else {}
     tags = [read_edge_values(one, f"Edge {id}") for id, one in zip(columns.edge_ids.tolist(), given, strict=True)]
     ends = (columns.sources, columns.targets)
     roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, tags, columns.crs)
     two_way = np.fromiter((not of_edge.get("oneway", False) for of_edge in tags), np.bool_, len(tags))
-    return connected(replace(roads, two_way=two_way))
+    return connected(replace(roads, two_way=two_way, turns=turns))
 
 
 def joined_directions(network: RoadNetwork) -> RoadNetwork:
@@ -689,6 +725,7 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
     waiting: dict[tuple[int, int], list[int]] = {}
     two_way = network.two_way.copy()
     back_ways = ways_back(network).copy()
+    numbers = np.arange(2 * len(network.sources))  # of directed roads
     kept: list[int] = []
     for road, ends in enumerate(zip(network.sources.tolist(), network.targets.tolist(), strict=True)):
         back = waiting.get(ends[::-1], [])
@@ -699,8 +736,9 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
         else:
             back.remove(twin)
             two_way[twin] = True
+            numbers[2 * road : 2 * road + 2] = 2 * twin + 1, 2 * twin
             back_ways[twin] = network.ways[road]
-    joined = replace(network, two_way=two_way, back_ways=back_ways)
+    joined = replace(network, two_way=two_way, back_ways=back_ways, turns=renumber(network.turns, numbers))
     return chosen_roads(joined, np.array(kept, np.int64))
 
 

@@ -12,13 +12,14 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
-from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
+from gamms.ir.graph import FORBIDDEN_TURNS, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import text_of
 from gamms.limits import GarbagePause, refuse_above
 from gamms.osm.network import RoadNetwork, is_upright, network_of_lines
 from gamms.osm.objects import DIRECTIONS, is_missing, number_of, read_edge_values, truth_of
 from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, speed_kph
+from gamms.osm.turns import renumber, turns_of_edges
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
 
@@ -68,8 +69,9 @@ _FILLED_EDGE_BYTES = 1_300
 _SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy
 _TEXTS = frozenset((str, type(None)))
 _STEEPEST = 1.0  # steeper grades are errors of the data
-_RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names of attributes that are not tags
-_OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
+# Names of attributes that are not tags.
+_RESERVED = frozenset(("id", "linestring", "geometry", "length", FORBIDDEN_TURNS))
+_OWN = _RESERVED | {"reversed"}  # not tags: we write or replace them
 
 
 def to_digraph(
@@ -244,7 +246,8 @@ def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColu
     tags = [dict(zip(names, of_way, strict=True)) for of_way in known]
     codes = np.array(rows, np.int64)
     back = None if network.back_ways is None else codes[network.back_ways]
-    bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back, refs=None, tunnels=None, z=None)
+    bare = replace(network, tags=tags, ways=codes[network.ways], back_ways=back)
+    bare = replace(bare, refs=None, tunnels=None, z=None, turns={})
     return to_columns(bare), roads.about
 
 
@@ -264,6 +267,9 @@ def to_columns(network: RoadNetwork, *, has_parallels: bool = False) -> GraphCol
     sources, targets = ends[:, chosen]
     xy = network.xy[firsts]
     offsets, out_edges = kernels.group_rows(sources, len(xy))
+    attributes = _attribute_columns(network, roads[chosen], is_back[chosen])
+    if network.turns:
+        attributes.update(_turn_columns(network, roads[chosen], is_back[chosen], chosen))
     return GraphColumns(
         node_ids=np.arange(len(xy)),
         xy=xy,
@@ -275,7 +281,7 @@ def to_columns(network: RoadNetwork, *, has_parallels: bool = False) -> GraphCol
         out_edges=out_edges,
         polylines=_bent(network, roads[chosen], is_back[chosen]),
         node_attributes=_node_columns(network, firsts),
-        edge_attributes=_attribute_columns(network, roads[chosen], is_back[chosen]),
+        edge_attributes=attributes,
         revision=0,
         crs=network.crs,
     )
@@ -325,6 +331,19 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
     every = np.arange(len(roads))
     paces = _paces(network, speeds, roads, is_back)
     return {**columns, **{name: _one_each(every, values) for name, values in paces.items()}}
+
+
+def _turn_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray, ids: IntArray) -> dict[str, CodedValues]:
+    """Return the attribute with the forbidden turns of edges, given their roads, directions and ids; none without."""
+    numbers = np.full(2 * len(network.sources), -1)
+    numbers[2 * roads + is_back] = np.arange(len(roads))
+    of_row: dict[int, dict[str, list[list[int]]]] = {}
+    for mode, paths in renumber(network.turns, numbers).items():
+        for path in paths:
+            of_row.setdefault(path[0], {}).setdefault(mode, []).append(ids[list(path[1:])].tolist())
+    rows = np.array(sorted(of_row), np.int64)
+    values = [of_row[row] for row in rows.tolist()]
+    return {FORBIDDEN_TURNS: CodedValues(rows, np.arange(len(rows)), values)} if values else {}
 
 
 def _ways_of(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> IntArray:
@@ -466,8 +485,11 @@ def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = Non
     tags = [_tags_of(u, v, data, names, is_directed=is_directed) for u, v, data in edges]
     shapes = {road: data.get("geometry", data.get("linestring")) for road, (_, _, data) in enumerate(edges)}
     given = {road: shape for road, shape in shapes.items() if shape is not None}
+    signs = {road: data[FORBIDDEN_TURNS] for road, (_, _, data) in enumerate(edges) if FORBIDDEN_TURNS in data}
+    turns = turns_of_edges([data.get("id") for _, _, data in edges], signs) if signs else {}
     polylines = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
-    return network_of_lines(xy, (sources, targets), _oriented(polylines, xy, sources, targets), lengths, tags, None)
+    network = network_of_lines(xy, (sources, targets), _oriented(polylines, xy, sources, targets), lengths, tags, None)
+    return replace(network, turns=turns)
 
 
 def _tags_of(

@@ -48,6 +48,7 @@ from gamms.osm.objects import (
     nodes_at_two_places,
 )
 from gamms.osm.survey import CHUNK, pbf_has_repeats, rewritten_xml, survey_xml, unpacked_size_of_pbf
+from gamms.osm.turns import RestrictionCounts, TurnRestriction, count_restrictions, is_restriction, restrictions_of
 from gamms.plugins import needing
 from gamms.progress import Show
 from gamms.text import shown
@@ -452,20 +453,48 @@ def read_ways(
     return with_areas(ways, lines.rows_of, squares) if areas else ways
 
 
-def count_turn_restrictions(file: Path) -> int:
-    """Return the number of turn restrictions in a map file.
+def read_restrictions(file: Path, vehicles: Mapping[str, Sequence[str]]) -> dict[str, list[TurnRestriction]]:
+    """Return mode of travel -> the turn restrictions of a map file that hold for it.
+
+    Args:
+        file: the map file.
+        vehicles: mode of travel -> its names in turn restrictions.
+
+    Raises:
+        BadFile, MissingExtra: see `count_turn_restrictions`.
+    """
+    source = MapSource(file)
+    with _errors_of(file):
+        return restrictions_of(_turn_relations(source), vehicles)
+
+
+def count_turn_restrictions(file: Path, vehicles: Sequence[str]) -> RestrictionCounts:
+    """Return the numbers of turn restrictions in a map file, by what they mean for a mode of travel.
+
+    Args:
+        file: the map file.
+        vehicles: the names of the mode in turn restrictions.
 
     Raises:
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
     source = MapSource(file)
-    from osmium import FileProcessor, osm
-    from osmium.filter import TagFilter
-
     with _errors_of(file):
-        found = FileProcessor(source.opened, osm.RELATION).with_filter(TagFilter(("type", "restriction")))
-        return len({one.id for one in source.counting(found)})
+        return count_restrictions(_turn_relations(source), vehicles)
+
+
+def _turn_relations(source: MapSource) -> list[tuple[dict[str, str], list[Member]]]:
+    """Read the tags and members of the turn restrictions of a map, each once."""
+    from osmium import FileProcessor, osm
+    from osmium.filter import KeyFilter
+
+    relations = _Relations()
+    for relation in source.counting(FileProcessor(source.opened, osm.RELATION).with_filter(KeyFilter("type"))):
+        tags = {tag.k: tag.v for tag in relation.tags}
+        if is_restriction(tags):
+            relations.add(cast("osm.Relation", relation), tags)
+    return relations.contents()
 
 
 class _Relations:
@@ -484,6 +513,10 @@ class _Relations:
         members = [(one.type, one.ref, one.role) for one in relation.members]
         check_members(relation.id, members, self._members.setdefault(relation.id, members))
         self._tags.setdefault(relation.id, tags)
+
+    def contents(self) -> list[tuple[dict[str, str], list[Member]]]:
+        """Return the tags and members of all relations."""
+        return [(tags, self._members[id]) for id, tags in self._tags.items()]
 
     def with_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
         """Yield the ids and tags of relations, and the ids of the ways around them."""

@@ -29,6 +29,7 @@ from gamms.osm.modes import (
     paced_rule,
     rule_of,
     stops_of,
+    vehicles_of,
 )
 from gamms.osm.network import (
     CLOSED_TO,
@@ -60,6 +61,7 @@ from gamms.osm.objects import (
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
 from gamms.osm.topology import simplify, without_unused_nodes
+from gamms.osm.turns import choose, is_restriction, restrictions_of
 from gamms.progress import Show, progress
 from gamms.text import shown
 
@@ -185,6 +187,8 @@ def _streets(
     surroundings = footprints.widened(polygon, _MARGIN_M)
     filters = options.custom_filter or ('["highway"]' if options.mode else _filter_of(options.osm_type))
     squares = [] if options.mode is None or options.custom_filter else ['relation["highway"]["type"="multipolygon"]']
+    if squares and any(vehicles_of(mode) for mode in _modes_of(options)):
+        squares.append('relation["type"~"^restriction"]')
     chosen = [filters] if isinstance(filters, str) else filters
     queries = [([f"way{one}", *squares], "(._;>;);out;") for one in chosen]
     found = _download(servers, surroundings, queries, read_streets)
@@ -206,6 +210,10 @@ def _streets(
     )
 
 
+def _modes_of(options: StreetOptions) -> "tuple[ModeFunction | None, ...]":
+    return options.mode.modes if isinstance(options.mode, SeveralModes) else (options.mode,)
+
+
 def _network_of(
     found: "_OverpassElements",
     buildings: "footprints.BuildingIndex | None",
@@ -213,9 +221,8 @@ def _network_of(
     options: StreetOptions,
 ) -> RoadNetwork | None:
     """Return the streets in an area in UTM meters; None if there are none for the mode, or for one of several."""
-    several = options.mode.modes if isinstance(options.mode, SeveralModes) else (options.mode,)
     parts = list[ModeRoads]()
-    for one in several:
+    for one in _modes_of(options):
         mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
         ways = with_ways_across(replace(_ways(found, mode, options), buildings=buildings))
         segments = _part(segments_of(ways), area, options)
@@ -262,7 +269,8 @@ def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) 
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
     inside = kept[segments.sources] & kept[segments.targets]
     ends = segments.sources[inside], segments.targets[inside]
-    part = RoadSegments(segments.lonlat, *ends, segments.ways[inside], segments.refs)
+    turns = choose(segments.turns, np.flatnonzero(inside), len(inside))
+    part = replace(segments, sources=ends[0], targets=ends[1], ways=segments.ways[inside], turns=turns)
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
@@ -300,7 +308,15 @@ def _ways(found: "_OverpassElements", mode: ModeFunction | None, options: Street
         [] if stops is None else [ref for ref in {*ids.tolist()} & found.nodes.keys() if stops(found.nodes[ref].tags)]
     )
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
-    ways = OsmRoads(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers, ids=ways_of_lines)
+    vehicles = {} if mode is None or not vehicles_of(mode) else {name_of(mode): vehicles_of(mode)}
+    relations = [(one.tags, _members(one)) for one in found.relations.values() if is_restriction(one.tags)]
+    ways = OsmRoads(
+        *(offsets, ids, lonlat, against, tags),
+        nodes=nodes,
+        barriers=barriers,
+        ids=ways_of_lines,
+        restrictions=restrictions_of(relations, vehicles),
+    )
     return ways if rule is None else with_areas(ways, rows_of, squares)
 
 
@@ -397,9 +413,13 @@ def _counting(given: "Sequence[_Element]") -> "_OverpassElements":
             first.setdefault(way.id, way)
     members: dict[int, list[Member]] = {}
     for one in relations:
-        listed = [(part.type, part.ref, part.role) for part in one.members]
+        listed = _members(one)
         check_members(one.id, listed, members.setdefault(one.id, listed))
     return _OverpassElements(_by_id(nodes), lines, _by_id(relations))
+
+
+def _members(relation: "_Relation") -> list[Member]:
+    return [(part.type, part.ref, part.role) for part in relation.members]
 
 
 def _last_versions(elements: list[_Any]) -> list[_Any]:

@@ -13,6 +13,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, project
 from gamms.limits import refuse_above
+from gamms.osm import turns
 from gamms.osm.network import (
     RoadNetwork,
     along,
@@ -60,6 +61,7 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         points=np.delete(points, inner, axis=0),
         lengths=np.add.reduceat(walked.lengths, begins),
         two_way=walked.two_way[begins],
+        turns=turns.join(walked.turns, chain_of, backward, begins),
     )
     there = walked.ways
     back = None
@@ -111,6 +113,8 @@ def _partners(network: RoadNetwork) -> IntArray:
     nodes = np.column_stack((network.sources, network.targets)).ravel()
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
     through = np.diff(offsets) == 2
+    if network.turns:
+        through[turns.joints_to_keep(network.turns, nodes, np.diff(offsets))] = False
     if network.refs is not None and network.nodes.staying:
         through &= ~np.isin(network.refs, np.array([*network.nodes.staying], np.int64))
     pair = offsets[:-1][through]
@@ -431,6 +435,7 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     """Return the network without its inner roads, one node per label, at the mean of the label's weighty nodes."""
     names, row, members = np.unique(label, return_inverse=True, return_counts=True)
     weight = np.where(members[row] > 1, weighty, 1.0)
+    network = replace(network, turns=_turns_across(network, row, inner))
     shift = network.xy[names][row]  # the mean of differences: equal positions give exactly that position
     sums = [np.bincount(row, weights=weight * values) for values in (network.xy - shift).T]
     xy = network.xy[names] + np.column_stack(sums) / np.bincount(row, weights=weight)[:, None]
@@ -447,6 +452,19 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
         return rest
     nodes = network.nodes._replace(of=_joined_node_tags(network, network.refs[label]))
     return replace(rest, refs=network.refs[names], nodes=nodes)
+
+
+def _turns_across(network: RoadNetwork, owners: IntArray, inner: BoolArray) -> turns.ForbiddenTurns:
+    """Return the forbidden turns without the roads within merged junctions; `owners` (nodes,) are the junctions."""
+    tails = np.column_stack((network.sources, network.targets)).ravel()
+    found: dict[str, turns.Paths] = {}
+    for mode, paths in network.turns.items():
+        is_open = np.column_stack((np.ones_like(network.two_way), network.two_way)).ravel()
+        if mode in network.modes:
+            speeds = np.array([of_way[mode] for of_way in network.tags], np.float64)
+            is_open &= speeds[np.column_stack((network.ways, ways_back(network))).ravel()] > 0.0
+        found[mode] = turns.merge(paths, turns.MergedRoads(tails, owners, inner, is_open, network.lengths))
+    return found
 
 
 def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
@@ -496,6 +514,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
         two_way=np.repeat(network.two_way, counts),
         ways=np.repeat(network.ways, counts),
         back_ways=None if network.back_ways is None else np.repeat(network.back_ways, counts),
+        turns=turns.cut(network.turns, counts),
     )
 
 

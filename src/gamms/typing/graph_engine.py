@@ -223,7 +223,13 @@ class IGraph(ABC):
         return np.array([edge.length if weight else 1.0 for edge in edges], np.float64)
 
     def shortest_path(
-        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
+        self,
+        source: int,
+        target: int,
+        weight: str | None = "length",
+        most_edges: int | None = None,
+        *,
+        turns: str | bool | None = None,
     ) -> list[int]:
         """Return the ids of the nodes on the shortest path between two nodes, both included; `[source]` for itself.
 
@@ -231,18 +237,27 @@ class IGraph(ABC):
         of these, the one whose node ids, read from the source, are smallest at the first difference. `most_edges` cuts
         the path off after this number of edges.
 
+        With `turns`, the path obeys the turn restrictions of the map for a mode of travel, such as "drive"; see
+        `ctx.graph.routes.shortest_path_edges`.
+
         Raises:
             UnknownName (KeyError): a node does not exist.
             NoPath (ValueError): there is no path.
         """
+        self._refuse_turns(turns)
         return self._routes_now().shortest_path(source, target, weight, most_edges)
 
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+    def distance(
+        self, source: int, target: int, weight: str | None = "length", *, turns: str | bool | None = None
+    ) -> float:
         """Return the length of the shortest path, summed from the target; infinite if there is no path.
+
+        `turns`: see `shortest_path`.
 
         Raises:
             UnknownName (KeyError): a node does not exist.
         """
+        self._refuse_turns(turns)
         return self._routes_now().distance(source, target, weight)
 
     def distances(
@@ -251,6 +266,8 @@ class IGraph(ABC):
         target: NodeIds | None = None,
         weight: str | None = "length",
         cutoff: float | None = None,
+        *,
+        turns: str | bool | None = None,
     ) -> dict[int, float]:
         """Return the path lengths from a node to all nodes, or from all nodes to a node.
 
@@ -259,6 +276,7 @@ class IGraph(ABC):
             target: the end, or several: the nearest counts; give either source or target.
             weight: see the comment above.
             cutoff: nodes farther than this are left out.
+            turns: see `shortest_path`.
 
         Returns:
             Node id -> distance, summed from the given end, for every node with a path; a fresh dict in insertion order.
@@ -267,6 +285,7 @@ class IGraph(ABC):
             UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
+        self._refuse_turns(turns)
         return self._routes_now().distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
@@ -280,6 +299,10 @@ class IGraph(ABC):
             UnknownName (KeyError): a node does not exist.
         """
         return self._routes_now().distance_matrix(sources, targets, weight)
+
+    def _refuse_turns(self, turns: object) -> None:
+        if turns is not None:
+            raise BadValue(f"{type(self).__name__} knows no turn restrictions. Omit turns, or override the method.")
 
     def _routes_now(self) -> Routes:
         ends = [(edge.source, edge.target) for edge in map(self.get_edge, self.get_edges())]

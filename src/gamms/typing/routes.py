@@ -10,12 +10,13 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_float, as_items, as_range
+from gamms.arguments import as_count, as_float, as_ids, as_items, as_range
 from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
-from gamms.errors import BadValue, NoPath, NotOffered, UnknownName
+from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id, find_usable_edges, forbidden_paths
+from gamms.ir.obstacles import BoolArray
 from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
@@ -126,16 +127,20 @@ class Routes(ABC):
         self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
     ) -> dict[int, float]:
         """Return the distances from the nearest source to each node, or from each node to the nearest target."""
+        rows, limit = self.one_side(source, target, cutoff)
+        key = "distances", weight, source is None, limit, np.unique(rows).tobytes()
+        near, far = self.remember(key, lambda: self.reached(rows, weight, limit, reverse=source is None))
+        return dict(zip(self.ids()[near].tolist(), far.tolist(), strict=True))
+
+    def one_side(self, source: NodeIds | None, target: NodeIds | None, cutoff: float | None) -> tuple[IntArray, float]:
+        """Return the rows of the given side of `distances`, and the limit."""
         given = [nodes for nodes in (source, target) if nodes is not None]
         if len(given) != 1:
             raise BadValue(
                 "Give distances exactly one of source= and target=. For two nodes use graph.distance(source, target)."
             )
         rows = self.rows(given[0], "target" if source is None else "source")
-        limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        key = "distances", weight, source is None, limit, np.unique(rows).tobytes()
-        near, far = self.remember(key, lambda: self.reached(rows, weight, limit, reverse=source is None))
-        return dict(zip(self.ids()[near].tolist(), far.tolist(), strict=True))
+        return rows, inf if cutoff is None else as_range(cutoff, "cutoff")
 
     def reached(
         self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
@@ -253,6 +258,90 @@ class RouteTables(NamedTuple):
     next_rows: IntArray
 
 
+class TurnRoutes:
+    """Routes of traffic that obeys the forbidden turns of a mode of travel, on one revision of a graph.
+
+    The vertices of the searched graph are the states of traffic, see `kernels.turn_states`; after them, for each node,
+    one vertex for traffic that begins there, and one for traffic that ends there.
+
+    Args:
+        columns: the graph.
+        weights: (edges,) infinite: the edge is closed.
+        is_open: (edges,) the edges that traffic may use.
+        paths: the forbidden sequences of edges, by id.
+    """
+
+    def __init__(
+        self, columns: GraphColumns, weights: FloatArray, is_open: BoolArray, paths: Sequence[tuple[int, ...]]
+    ) -> None:
+        self._columns = columns
+        self._row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())} if paths else {}
+        self._forbidden = kernels.ForbiddenPaths(tuple(self._row_of[id] for id in path) for path in paths)
+        ends = columns.sources, columns.targets
+        states = kernels.turn_states(*ends, columns.lengths, is_open & np.isfinite(weights), self._forbidden)
+        edges = len(columns.edge_ids)
+        nodes = len(columns.node_ids)
+        self._edges = states.edges
+        self._begin = len(states.edges)
+        self._end = self._begin + nodes
+        every = np.arange(edges)
+        starts = (states.starts, self._begin + columns.sources, np.arange(self._begin), self._begin + np.arange(nodes))
+        stops = (states.ends, every, self._end + columns.targets[states.edges], self._end + np.arange(nodes))
+        costs = np.where(is_open, weights, inf)
+        lengths = (costs[states.edges[states.ends]], costs, np.zeros(self._begin + nodes))
+        self._arcs = np.concatenate(starts), np.concatenate(stops), np.concatenate(lengths)
+        self._searches: dict[bool, kernels.Search] = {}
+
+    def path(self, row: int, end: int, driven: Sequence[int]) -> list[int] | None:
+        """Return the rows of the edges on the shortest path between two nodes; None if there is no path.
+
+        Args:
+            row: the first node.
+            end: the last node.
+            driven: rows of the edges on which traffic has come to the first node; empty: it begins there.
+        """
+        found = self._search(reverse=True).path(self._vertex(row, driven), self._end + end, len(self._arcs[0]), inf)
+        return self._edges[found.rows[1:-1]].tolist() if found.rows else None
+
+    def distance(self, row: int, end: int) -> float:
+        """Return the length of the shortest path between two nodes; infinite if there is no path."""
+        far, _ = self._search(reverse=True).far(np.array([self._end + end]), np.array([self._begin + row]))
+        return far.item()
+
+    def reached(self, rows: IntArray, limit: float, *, reverse: bool) -> tuple[IntArray, FloatArray]:
+        """Return the nodes, ascending, within a limit of (or to) the nearest of some rows, and the distances."""
+        roots, goals = (self._end, self._begin) if reverse else (self._begin, self._end)
+        found = self._search(reverse=reverse).find(roots + rows, within=limit)
+        order = np.argsort(found.rows)
+        near = found.rows[order] - goals
+        are_nodes = (near >= 0) & (near < len(self._columns.node_ids))
+        return near[are_nodes], found.far[order][are_nodes]
+
+    def onward(self, row: int, driven: Sequence[int]) -> list[int]:
+        """Return the rows of the edges that traffic at a node may take next, in insertion order."""
+        starts, ends, lengths = self._arcs
+        after = ends[(starts == self._vertex(row, driven)) & np.isfinite(lengths)]
+        return sorted(self._edges[after[after < self._begin]].tolist())
+
+    def _vertex(self, row: int, driven: Sequence[int]) -> int:
+        """Return the vertex of traffic at a node, given the edges on which it came."""
+        if not driven:
+            return self._begin + row
+        state: tuple[int, ...] = (driven[0],)
+        for edge in driven[1:]:
+            state = self._forbidden.step(state, edge) or (edge,)
+        place = [*self._forbidden.begins].index(state) if len(state) > 1 else 0
+        return len(self._columns.edge_ids) + place if len(state) > 1 else state[0]
+
+    def _search(self, *, reverse: bool) -> kernels.Search:
+        if reverse not in self._searches:
+            starts, ends, lengths = self._arcs
+            sides = (ends, starts) if reverse else (starts, ends)
+            size = self._end + len(self._columns.node_ids)
+            self._searches[reverse] = kernels.Search(kernels.make_arcs(*sides, lengths, size), np.arange(size))
+        return self._searches[reverse]
+
+
 class RouteQueries:
     """Routing queries about several paths or nodes: `ctx.graph.routes`.
 
@@ -354,6 +443,111 @@ class RouteQueries:
         ends = routes.rows(targets, "targets")
         found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
+
+    # -- with turns ------------------------------------------------------------------------------------------------
+
+    def shortest_path_edges(
+        self,
+        source: int,
+        target: int,
+        weight: str | None = "length",
+        *,
+        turns: str | bool = True,
+        driven: Sequence[int] = (),
+    ) -> list[int]:
+        """Return the ids of the edges on the shortest path of traffic that obeys the turn restrictions of the map.
+
+        docs/maps.md says what such a path is: it may come to a node twice, and turns back only at dead ends.
+
+        Args:
+            source: id of the first node.
+            target: id of the last node.
+            weight: see `IGraph`.
+            turns: the mode of travel whose restrictions hold, such as "drive"; True: the only one of the map.
+            driven: ids of the edges on which traffic has come to the first node, the latest last; one edge is enough
+                unless a restriction has ways between. Empty: it begins here, and may take any edge.
+
+        Raises:
+            UnknownName (KeyError): a node, an edge or the mode does not exist.
+            BadValue (ValueError): `driven` is no path to the first node.
+            NoPath (ValueError): there is no path.
+        """
+        found = self._turn_routes(weight, turns)
+        row = self._routes.row(source)
+        edges = found.path(row, self._routes.row(target), self._driven(row, driven))
+        if edges is None:
+            raise NoPath(source, target)
+        return [*map(int, self._columns().edge_ids[edges])]
+
+    def path_with_turns(
+        self, source: int, target: int, weight: str | None, most_edges: int | None, turns: str | bool
+    ) -> list[int]:
+        """Return the ids of the nodes on `shortest_path_edges`, both ends included; `most_edges` cuts it off."""
+        columns = self._columns()
+        edges = self.shortest_path_edges(source, target, weight, turns=turns)
+        kept = edges if most_edges is None else edges[: as_count(most_edges, "most_edges")]
+        rows = kernels.rows_of(columns.edge_ids, np.array(kept, np.int64), columns.edge_order)
+        return [source, *columns.node_ids[columns.targets[rows]].tolist()]
+
+    def distance_with_turns(self, source: int, target: int, weight: str | None, turns: str | bool) -> float:
+        """Return the length of `shortest_path_edges`; infinite if there is no path."""
+        found = self._turn_routes(weight, turns)
+        return found.distance(self._routes.row(source), self._routes.row(target))
+
+    def distances_with_turns(
+        self,
+        source: NodeIds | None,
+        target: NodeIds | None,
+        weight: str | None,
+        cutoff: float | None,
+        turns: str | bool,
+    ) -> dict[int, float]:
+        """Return the lengths of paths that obey turn restrictions; see `IGraph.distances`."""
+        rows, limit = self._routes.one_side(source, target, cutoff)
+        near, far = self._turn_routes(weight, turns).reached(rows, limit, reverse=source is None)
+        return dict(zip(self._routes.ids()[near].tolist(), far.tolist(), strict=True))
+
+    def edges_onward(self, node_id: int, driven: Sequence[int] = (), *, turns: str | bool = True) -> list[int]:
+        """Return the ids of the edges that traffic at a node may take next, in insertion order.
+
+        Args:
+            node_id: id of the node.
+            driven: see `shortest_path_edges`.
+            turns: see `shortest_path_edges`.
+
+        Raises:
+            UnknownName (KeyError): the node, an edge or the mode does not exist.
+            BadValue (ValueError): `driven` is no path to the node.
+        """
+        row = self._routes.row(node_id)
+        edges = self._turn_routes("length", turns).onward(row, self._driven(row, driven))
+        return [*map(int, self._columns().edge_ids[edges])]
+
+    def _turn_routes(self, weight: str | None, turns: str | bool) -> TurnRoutes:
+        """Return the routes of traffic that obeys turn restrictions; see `shortest_path_edges`."""
+        columns = self._columns()
+        mode = _mode_of_turns(columns, turns)
+
+        def make() -> TurnRoutes:
+            every = np.ones(len(columns.edge_ids), np.bool_)
+            is_open = find_usable_edges(columns, mode) if mode in columns.edge_attributes else every
+            return TurnRoutes(columns, self.weights(weight), is_open, forbidden_paths(columns).get(mode, []))
+
+        return made_last(self, ("turns", weight), mode, make)
+
+    def _driven(self, row: int, driven: Sequence[int]) -> list[int]:
+        """Return the rows of edges that were driven to a node."""
+        columns = self._columns()
+        ids = as_ids(driven, "driven")
+        rows: list[int] = kernels.rows_of(columns.edge_ids, np.array(ids, np.int64), columns.edge_order).tolist()
+        if -1 in rows:
+            raise UnknownName("edge", ids[rows.index(-1)])
+        ends = columns.targets[rows].tolist()
+        if ends and [*columns.sources[rows[1:]].tolist(), row] != ends:
+            raise BadValue(
+                f"driven must be edges that follow each other to node {columns.node_ids[row]}, not {shown(ids)}."
+            )
+        return rows
 
     def _rows_of(self, sources: NodeIds, targets: NodeIds) -> tuple[IntArray, IntArray]:
         self._routes.ids()
@@ -504,6 +698,26 @@ class RouteQueries:
             ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
             self._tree = columns.revision, geometry.LineTree(ends, columns.polylines)
         return self._tree[1]
+
+
+def _mode_of_turns(columns: GraphColumns, turns: str | bool) -> str:
+    """Return the mode of travel whose turn restrictions hold; "" if the map has none.
+
+    Raises:
+        BadType: it is neither a name nor True.
+        BadValue: True, and the map has several modes.
+        UnknownName: the map has restrictions for other modes only, and no edge attribute of this name.
+    """
+    known = forbidden_paths(columns)
+    if turns is True:
+        if len(known) > 1:
+            raise BadValue(f"The map has turn restrictions of several modes: name one, such as turns={min(known)!r}.")
+        return next(iter(known), "")
+    if not isinstance(turns, str):
+        raise BadType(f"turns must be the name of a mode of travel, such as 'drive', or True, not {shown(turns)}.")
+    if known and turns not in known and turns not in columns.edge_attributes:
+        raise UnknownName("mode of travel with turn restrictions", turns, known)
+    return turns
 
 
 def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
