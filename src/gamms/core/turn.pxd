@@ -120,8 +120,10 @@ cdef class TurnDriver:
     cpdef bint skips_parts(self) except -1
     @cython.locals(plan=TurnPlan)
     cpdef int play_turn(self) except -1
-    @cython.locals(entries=list, played=Py_ssize_t)
+    @cython.locals(entries=list)
     cpdef int play_moves(self, TurnPlan plan) except -1
+    @cython.locals(played=Py_ssize_t)
+    cpdef int play_on(self, TurnPlan plan, list entries) except -1
     @cython.locals(phase=object, entry=Entry, number=Py_ssize_t)
     cpdef Py_ssize_t play_entries(self, list entries, i64 epoch) except -1
 

@@ -531,6 +531,10 @@ class TurnDriver:
     def play_moves(self, plan: TurnPlan) -> int:
         """Let all agents observe, decide and move, part by part."""
         entries = plan.entries if self.first == 0 else plan.entries_from(self.first)
+        return self.play_on(plan, entries)
+
+    def play_on(self, plan: TurnPlan, entries: list[Entry]) -> int:
+        """Play these phases of a plan; when a function has changed what the plan depends on, go on with a new one."""
         played = self.play_entries(entries, plan.epoch)
         while played < len(entries):  # a function has changed what the plan depends on
             last = entries[played - 1]

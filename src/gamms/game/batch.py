@@ -163,6 +163,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
         self._window: _SingleGame | None = None  # the game in the window, with the number of its source
         self._alone: _SingleGame | None = None  # the game that is playing now
+        self._given_now: Mapping[Hashable, OutsideActions] = {}  # in the present turn, before it is logged
         self._was_given = False  # whether actions were passed to `step` and not kept
         self._lock = RLock()  # of the thread that plays
 
@@ -364,12 +365,15 @@ class Batch(Surface, Immutable, NotPickled):
                 separate.step([*going, *leaving], given)
 
         is_single = np.count_nonzero(~engine.is_over) == 1
+        self._given_now = given
         try:
             with nullcontext() if is_single else separate.undoing_after_error():
                 engine.step(given, threads, play_others=play_others)
         except BeginsAgain:
             self._begin_again()
             self._play_turn(given, threads, self._engine.turns())
+        finally:
+            self._given_now = {}
 
     def _take_leaving(self, leaving: Mapping[int, LeavingGame], turns: IntArray) -> None:
         """Play games in contexts of their own from now on.
@@ -837,7 +841,7 @@ class Batch(Surface, Immutable, NotPickled):
         try:
             with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
                 for turn in range(game.turn - self._first_turn, turns - self._first_turn):
-                    acting.take(given[turn] if turn < len(given) else {}, number)
+                    acting.take(given[turn] if turn < len(given) else self._given_now, number)
                     _step_again(game)
                 if ends_before_moves and game.over is None:
                     game.step()

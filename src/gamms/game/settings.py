@@ -638,6 +638,7 @@ class BegunPhase(NamedTuple):
         phase: the name of the phase.
         rules: the rules of the game when the phase began.
         called: how many of the rules that the phase calls were called.
+        order: the order of play in this turn; None: all agents move at once.
         raised: what the last of them has raised; None: nothing.
         collects: whether the collectors of the turn are still to be called.
     """
@@ -645,14 +646,15 @@ class BegunPhase(NamedTuple):
     phase: str
     rules: Sequence[NamedRule]
     called: int
+    order: Sequence[Sequence[Any]] | None = None
     raised: BaseException | None = None
     collects: bool = True
 
     @classmethod
-    def after(cls, rule: NamedRule, table: RuleTable) -> "BegunPhase":
-        """Return the phase of a rule of a table, after this rule was called."""
+    def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None) -> "BegunPhase":
+        """Return the phase of a rule of a table, after this rule was called, with the order of play in the turn."""
         names = [joined.name for _, joined in table.of_phase[rule.phase]]
-        return cls(rule.phase, table.rules, names.index(rule.name) + 1)
+        return cls(rule.phase, table.rules, names.index(rule.name) + 1, order)
 
 
 class RuleSet:

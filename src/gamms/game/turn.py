@@ -10,7 +10,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
+from gamms.core.turn import Entry, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
@@ -445,15 +445,48 @@ class TurnEngine(GameTurn):
                     self._apply_rules("before")
                 if self.state.over is None:
                     self.play_turn()
-                return
-            try:
-                self._apply_rules("after")
-                if begun.collects and self.collectors.by_name:
-                    self._collect()
-            finally:
-                self.end()
+            elif begun.phase == "deeds":
+                self.begun = None
+                self._finish_deeds(begun)
+                self._finish_with(self.after)
+            else:
+                self._finish_with(partial(self._finish_after, begun))
         finally:
             self.begun = None
+
+    def _finish_with(self, after: Callable[[], object]) -> None:
+        """Call what comes after the moves, and show the end of the turn, also after an error."""
+        try:
+            after()
+        finally:
+            self.end()
+
+    def _finish_after(self, begun: BegunPhase) -> None:
+        """Play the rest of the rules after the moves, and collect the values of the turn."""
+        self._apply_rules("after")
+        if begun.collects and self.collectors.by_name:
+            self._collect()
+
+    def _finish_deeds(self, begun: BegunPhase) -> None:
+        """Play the rest of the phase "deeds" in the first part of a turn, and the later phases until all have moved."""
+        self.groups = begun.order
+        self.is_moving = True  # another order of play is for the next turn
+        plan = self.plan()
+        placed = {*self._ctx.agent.block.placed}
+        self.begin_moves(plan)
+        self._ctx.agent.block.placed.update(placed)
+        try:
+            turn = self.state.moves
+            self.rules.apply("deeds", self.state, begun)
+            self._follow_deeds(turn, may_be_closed=True)
+            plan = self.plan()
+            self.play_on(plan, plan.entries_after(Entry("act", 0, *self.phases["act"])))
+        except BaseException as error:
+            self.lose_moves(error)
+            raise
+        finally:
+            self.end_moves()
+            self._follow_order()
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
@@ -479,16 +512,18 @@ class TurnEngine(GameTurn):
                 self._note_illegal(turn.slots[i], why)
         log.note(list_lasting(self._settings.deeds))
         revision = self._ctx.graph.graph.revision
-        if not rules.apply("deeds", self.state):
-            return
+        if rules.apply("deeds", self.state):
+            self._follow_deeds(turn, may_be_closed=self._ctx.graph.graph.revision != revision)
+
+    def _follow_deeds(self, turn: TurnMoves, *, may_be_closed: bool) -> None:
+        """Let agents stay that rules of the phase "deeds" have placed elsewhere, or whose way they have closed."""
         order = self.order()
         order.take_lives()
         turn = turn.on(order)
         self.state.moves = turn
         turn.give_up(self._ctx.agent.block)
-        if self._ctx.graph.graph.revision != revision:
-            for i in self.cut_off(turn):
-                self._block(turn.slots[i], CLOSED)
+        for i in self.cut_off(turn) if may_be_closed else ():
+            self._block(turn.slots[i], CLOSED)
 
     def _want_deeds(self, turn: TurnMoves, number: int) -> None:
         """Collect the deeds that agents want to do in a part of the turn; the numbers of agents are their slots."""

@@ -139,6 +139,12 @@ class Cursor:
         called = self._called
         return not (called.has_array_functions or called.own_functions or called.first.has_begun_turn)
 
+    @property
+    def _can_leave_in_turn(self) -> bool:
+        """Whether the decisions of agents are moves and deeds alone, with which a game can go on that leaves."""
+        state = self._state
+        return self._core.courses is None and state.flights is None and state.radio is None and not state.turning
+
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
         if not self._shown.has_changed_shared:
@@ -256,7 +262,9 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        begun = BegunPhase.after(named, self._parts.rules.now) if part is None else None
+        can_go_on = part is None or (part == 0 and self._can_leave_in_turn)
+        order = self._parts.settings.order
+        begun = BegunPhase.after(named, self._parts.rules.now, order) if can_go_on else None
         self._call_each(named.rule, games, self._ctx, what=what, part=part, begun=begun)
 
     def collect(self, games: IntArray) -> None:

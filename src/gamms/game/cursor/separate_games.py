@@ -72,6 +72,12 @@ class LooksBefore:
             renew_streams(parts, states)
 
 
+def _turns_of_looks(game: PlayedGame) -> int:
+    """Return the number of turns in which agents have decided, of a game that has left its batch in a turn."""
+    begun = game.internals.parts.turns.begun
+    return game.turn + (begun is not None and begun.phase == "deeds")
+
+
 def _lasts_of(game: PlayedGame) -> dict[tuple[str, str], list[Any]]:
     """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
     found = {}
@@ -148,7 +154,7 @@ class SeparateGames:
         if game is not None:
             self._games[number] = game
             game.internals.left_as = number
-            phase_of(game.ctx).read_looks = LooksBefore(game, partial(self._begin, number, game.turn))
+            phase_of(game.ctx).read_looks = LooksBefore(game, partial(self._begin, number, _turns_of_looks(game)))
         self._unobserved.add(number)
         self._engine.set_apart(number, turns)
 

@@ -363,10 +363,11 @@ class ShownGame(GamesInContext):
         names = state.roster.names
         found = BlockedAgents(self.own_row().undone)
         told = {*found}
+        last = state.turn[number] - (self.part is None)
         for error in state.errors.of(number):
-            if error["turn"] + 1 == state.turn[number] and error["agent"] not in told:
+            if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
-        for agent in np.flatnonzero(state.blocked[number]).tolist():
+        for agent in np.flatnonzero(state.blocked[number]).tolist() if self.part is None else ():
             why = in_conflict(self._core.wanted(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
