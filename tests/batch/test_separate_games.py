@@ -227,3 +227,59 @@ def test_strategies_look_ahead_in_a_game_that_has_left():
             games.run()
             assert [*games.detached] == [0, 1]
             assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_array_functions_go_on_with_what_they_keep_in_a_game_that_leaves(phase):
+    @gamms.array_strategy
+    def count(view):
+        kept = view.keep("steps", lambda games: {"taken": np.zeros((games, 6), np.int64)})["taken"]
+        which = view.games[:, None], view.agents
+        kept[which] += 1
+        return (kept[which] + view.draw.below(view.counts)) % view.counts
+
+    @gamms.array_rule
+    def pay(turn):
+        kept = turn.keep("paid", lambda games: {"turns": np.zeros(games, np.int64)})["turns"]
+        kept[turn.games] += 1
+        turn.add_score("paid", np.arange(len(turn.games)), kept[turn.games])
+
+    def slow_down(ctx):
+        if ctx.game.turn == 4:
+            ctx.agent.get_agent("blue_0").speed = 2
+
+    with scene([TAG, "respawn"]).build(seed=1) as ctx:
+        for agent in ctx.game.agents:
+            agent.strategy = count
+        ctx.game.add(pay)
+        ctx.game.add(slow_down, phase=phase)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [0, 1]
+            assert_as_alone(games, alone)
+
+
+def test_strategies_made_for_each_seed_decide_in_games_that_leave(tmp_path):
+    code = """
+def slow_down(ctx):
+    if ctx.game.turn == 4:
+        ctx.agent.get_agent("blue_0").speed = 2
+"""
+    (tmp_path / "leaving.py").write_text(code)
+
+    def turn_by_seed(ctx):
+        seed = ctx.seed
+
+        def act(state):
+            steps = state["memory"]["steps"] = state["memory"].get("steps", 0) + seed
+            state["action"] = state["legal"][steps % len(state["legal"])]
+
+        return act
+
+    scenario = scene([TAG, "leaving:slow_down"], folder=tmp_path)
+    with scenario.batch(3, seed=4, strategies={"red": turn_by_seed}) as games:
+        games.run()
+        assert [*games.detached] == [0, 1, 2]
+        for number in range(3):
+            alone = scenario.play(seed=games.seeds[number], strategies={"red": turn_by_seed})
+            assert plain(games.result(number)) == plain(alone)

@@ -255,12 +255,15 @@ class ForkSource:
         """Replace the collectors of the game; see `Collectors.snapshot`."""
         self.snapshot._parts["collectors"] = collectors
 
-    def make_fork(self, seed: int, fork: object = None) -> tuple[Any, Memo]:
+    def make_fork(
+        self, seed: int, fork: object = None, functions: Sequence[tuple[object, object]] = ()
+    ) -> tuple[Any, Memo]:
         """Make a complete fork; call it once.
 
         Args:
             seed: its seed.
             fork: what functions get in place of the game; None: the new game.
+            functions: pairs of a function of the game, and another whose counterpart the fork has in its place.
 
         Returns:
             The context (Any: its class imports this one), and a memo of `copy.deepcopy`: id of an object -> its copy.
@@ -269,6 +272,7 @@ class ForkSource:
         ahead: GameInternals = ctx.game.internals
         ahead.scenario = self._scenario
         memo[id(self._game)] = fork or ctx.game
+        memo |= {id(function): own(other, memo) for function, other in functions}
         self.copy_game(ahead.parts, memo)
         return ctx, memo
 

@@ -10,7 +10,7 @@ from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import Entry, GameTurn, ShippedDecisions, TurnPlan
+from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
@@ -480,7 +480,8 @@ class TurnEngine(GameTurn):
             self.rules.apply("deeds", self.state, begun)
             self._follow_deeds(turn, may_be_closed=True)
             plan = self.plan()
-            self.play_on(plan, plan.entries_after(Entry("act", 0, *self.phases["act"])))
+            played = [one for one in plan.entries if one.part == 0 and one.phase in ("decide", "act")]
+            self.play_on(plan, plan.entries_after(played[-1]))
         except BaseException as error:
             self.lose_moves(error)
             raise

@@ -275,6 +275,7 @@ class InitialState:
         deciders = [decider_of(agent, plans) for agent in state.roster.agents]
         steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or ()]
         state.first |= begin_steps(steps, game.ctx, state)
+        state.of_core.update(state.first.keys() - game.internals.state.data.get(KEPT, {}).keys())
 
     def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
         """Return the games that are not in a turn of which some parts were played before the batch."""

@@ -576,12 +576,14 @@ class GameRow(NamedTuple):
 
     Attributes:
         roster, streets, stops, kept: see `GameArrays`; with one row.
+        of_arrays: the part of `kept` that belongs to array functions.
     """
 
     roster: AgentTable
     streets: StreetGraph
     stops: IntArray
     kept: Mapping[Hashable, Arrays]
+    of_arrays: dict[Hashable, Arrays]
 
 
 class GameArrays(BatchColumns):
@@ -614,6 +616,7 @@ class GameArrays(BatchColumns):
         roads: the open roads of each game.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
         first: the memory of turns before the batch, as `kept`, but arrays of one game.
+        of_core: the keys of `kept` that belong to rules and strategies of the core.
         unchecked: the keys of `kept` whose arrays came from a recording and were not compared with `make` yet.
         facts: the facts that rules have published, by name.
         shared: data computed once for all games, by key; independent of the state.
@@ -653,6 +656,7 @@ class GameArrays(BatchColumns):
         self.deeds = DeclaredDeeds({}, None, roster.names, movement.streets)
         self.kept = dict[Hashable, Arrays]()
         self.first = dict[Hashable, Arrays]()
+        self.of_core = set[Hashable]()
         self.unchecked = set[Hashable]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
@@ -693,7 +697,8 @@ class GameArrays(BatchColumns):
             key: {name: one[game : game + 1].copy() for name, one in several.items()}
             for key, several in self.kept.items()
         }
-        return GameRow(self.roster, self.streets, self.stops[game : game + 1].copy(), kept)
+        of_arrays = {key: those for key, those in kept.items() if key not in self.of_core}
+        return GameRow(self.roster, self.streets, self.stops[game : game + 1].copy(), kept, of_arrays)
 
     def take_game(self, game: PlayedGame) -> None:
         """Note a game on the map: its number among the maps, its entry, and the context that makes strategies."""

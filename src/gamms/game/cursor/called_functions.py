@@ -36,6 +36,7 @@ class CalledFunctions(NamedTuple):
     Attributes:
         functions: the functions.
         own_functions: those that differ between games.
+        has_own_sensors: whether those of sensors are among them.
         periods: the periods of the collectors, in turns.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the names of these agents, and of those whose sensors are called in each turn.
@@ -47,6 +48,7 @@ class CalledFunctions(NamedTuple):
 
     functions: Sequence[Callable[..., object]]
     own_functions: Sequence[FunctionPerGame]
+    has_own_sensors: bool
     periods: frozenset[int]
     asked: frozenset[int]
     observing: frozenset[str]
@@ -78,12 +80,14 @@ class CalledFunctions(NamedTuple):
         collectors = game.internals.parts.collectors.by_name.values()
         of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
         sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-        every = *deciders, *of_rules, *(getattr(one, "function", None) for one in sensors)
+        of_sensors = [getattr(one, "function", None) for one in sensors]
+        every = *deciders, *of_rules, *of_sensors
         specs = [one.spec for one in called_rules(game, roster) if one.spec.core_form is not None]
         rules = functions_of_rules(game, roster)
         return cls(
             functions=[*map(some_function, rules), *map(some_function, deciders), *(one.fn for one in collectors)],
             own_functions=[one for one in every if isinstance(one, FunctionPerGame)],
+            has_own_sensors=any(isinstance(one, FunctionPerGame) for one in of_sensors),
             periods=frozenset(one.every for one in collectors),
             asked=frozenset(asked),
             observing=frozenset(roster.names[number] for number in (*asked, *observing)),

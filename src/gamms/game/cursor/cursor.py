@@ -137,7 +137,11 @@ class Cursor:
     def _can_take_along(self) -> bool:
         """Whether a game that leaves can go on from there, see `ShownGame.take_along`; else it begins again."""
         called = self._called
-        return not (called.has_array_functions or called.own_functions or called.first.has_begun_turn)
+        number = self._pointed.number
+        keeps_rows = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
+        can_keep = keeps_rows or not called.has_array_functions  # whose arrays have a row for each agent
+        differs = self._pointed.begin_otherwise or called.has_own_sensors
+        return can_keep and not (differs or called.first.has_begun_turn)
 
     @property
     def _can_leave_in_turn(self) -> bool:

@@ -48,6 +48,12 @@ def function_in(decider: Any, game: int) -> Any:
     return decider.of_game[game] if isinstance(decider, FunctionPerGame) else decider
 
 
+def function_of_game(decider: FunctionPerGame, game: int) -> Any:
+    """Return the function that a game alone has; None: nothing decides there."""
+    function = decider.of_game[game]
+    return None if function is _stay else function
+
+
 def some_function(decider: Any) -> Any:
     """Return the function of a strategy or plan in the first game that has one."""
     return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider

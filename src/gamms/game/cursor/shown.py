@@ -16,6 +16,7 @@ from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import STOPPED, GameArrays, LeavesSharedContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
+from gamms.game.cursor.own_functions import function_of_game
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.moves import TurnMoves
@@ -35,7 +36,7 @@ from gamms.ir.events import (
     AGENT_SENSOR_DEREGISTER,
     AGENT_SENSOR_REGISTER,
 )
-from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
+from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
@@ -323,7 +324,9 @@ class ShownGame(GamesInContext):
             collected = row.collectors.snapshot()
             now = self._parts.collectors.snapshot()
             source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
-        ctx, memo = source.make_fork(self._ctx.seed)
+        number = self._pointed.number
+        functions = [(one, function_of_game(one, number)) for one in self._called.own_functions]
+        ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
         ctx.reseed(self._ctx.seed, self._ctx.rng_state())
         if self._ctx.graph.storage.has_placed:
             streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]
@@ -339,6 +342,7 @@ class ShownGame(GamesInContext):
             state.memory_of(name)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
         parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised)
+        parts.turns.note_departed()  # from here on
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
         return ctx.game
@@ -351,6 +355,9 @@ class ShownGame(GamesInContext):
         if type(data) is GuardedDict:
             data.fill()
             self._read["data"] = {**data}
+        of_arrays = self._state.row_of(self._pointed.number).of_arrays
+        if of_arrays and KEPT not in self._called.core_keys:  # of array strategies alone
+            self._read["data"] = {**self._read["data"], KEPT: of_arrays}
         if type(row.data) is GuardedDict:  # which the batch goes on with, if it takes the turn back
             row.data = {key: one for key, one in dict.items(row.data) if key not in self._called.core_keys}
         self.read("memories")
@@ -559,10 +566,12 @@ class ShownGame(GamesInContext):
         """Put the data of rules in the core into `ctx.game.data`."""
         self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
         self._take_events()
+        game = self._state.row_of(self._pointed.number)
         for key, value in self._first_core_data.items():
             data[key] = copied(value)
+        if KEPT in self._called.core_keys:
+            data[KEPT] = game.of_arrays
         if self._read.get("data") is data:  # else it was replaced
-            game = self._state.row_of(self._pointed.number)
             for rule in as_called(self._game.rules):
                 if rule.spec.show_arrays is not None:
                     rule.spec.show_arrays(self._ctx, game, self._read["events"], None)
