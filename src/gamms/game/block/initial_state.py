@@ -219,11 +219,7 @@ class InitialState:
     def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns) -> None:
         if game.turn:
             _take_places(game, state.movement)
-        block = game.ctx.agent.block
         values = game.internals.state
-        rows = state.streets.rows
-        names = state.roster.names
-        known = game.ctx.agent.agents
         self.turn = game.turn
         self._parts_played = values.parts_played
         self._over = game.over
@@ -233,37 +229,62 @@ class InitialState:
         self._messages = [*values.messages]
         self._deeds = [*values.deeds]
         self._last_deeds = [] if values.parts_played else values.deed_log.last_of(values.row)
-        self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
-        own = block.rows.of_each([names[number] for number in self._agents.tolist()])
-        self._alive = np.asarray(block.alive)[own]
-        self._places = [rows(np.asarray(block.ids_of(column))[own]) for column in (block.node, block.previous)]
-        self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
         self.last_turn: LastTurn | None = None
-        is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
-        if values.moves is not None and is_read:
-            self.last_turn = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
-        self._progress = [(number, block.progress_of(row)) for number, row in zip(self._agents, own, strict=True)]
-        self._is_on_edge = np.array([place is not None for _, place in self._progress], np.bool_)
-        self._take_departed(game, state)
-        self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
-        placed = {block.names[row] for row in block.placed}
-        self._placed = [name in placed for name in names]
+        self._write_agents(game, state)
+        self._write_departed(game, state)
         if state.flights is not None:
             self._take_flights(game, state)
-        self._take_counts(values, names)
-        self._put(state, columns)
+        self._write_counts(values, state)
+        state.turn[:] = self.turn
+        state.is_going[:] = self._over is None
+        columns.begin()
+        if self._parts_played:
+            columns.part[:] = self._parts_played
+            columns.takes_part[:] = state.alive
         self._take_memories(game, state)
 
-    def _take_counts(self, values: GameState, names: Sequence[str]) -> None:
-        """Store who was blocked, the counts of agents, and how often rules have stopped them."""
+    def _write_agents(self, game: PlayedGame, state: GameArrays) -> None:
+        """Write which agents live, and where they are; read the moves of the last turn."""
+        block = game.ctx.agent.block
+        names = state.roster.names
+        known = game.ctx.agent.agents
+        agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
+        own = block.rows.of_each([names[number] for number in agents.tolist()])
+        rows = state.streets.rows
+        node, previous = (rows(np.asarray(block.ids_of(column))[own]) for column in (block.node, block.previous))
+        moves = game.internals.state.moves
+        is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
+        if moves is not None and is_read:
+            self.last_turn = LastTurn.of(moves, state.roster, state.movement, node[None])
+        places = [block.progress_of(row) for row in own]
+        is_on_edge = np.array([place is not None for place in places], np.bool_)
+        has_node = is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
+        has_left = (node != previous) | (self.turn > 0)
+        state.alive[0, agents] = np.asarray(block.alive)[own]
+        state.node[0, agents[has_node]] = node[has_node]
+        state.previous[0, agents[has_left]] = previous[has_left]
+        for number, place in zip(agents.tolist(), places, strict=True):
+            if place is not None:
+                state.movement.put_on(number, place)
+        for one in NUMBERS:
+            numbers = state.numbers[one.name]
+            numbers[:] = one.initial
+            numbers[0, agents] = [getattr(block, one.name)[row] for row in own]
+        placed = {block.names[row] for row in block.placed}
+        state.placed[0] = [name in placed for name in names]
+
+    def _write_counts(self, values: GameState, state: GameArrays) -> None:
+        """Write who was blocked, the counts of agents, and how often rules have stopped them."""
+        names = state.roster.names
         blocked = dict(values.blocked)
-        self._blocked = ["in conflict" in blocked.get(name, "") for name in names]
+        state.blocked[0] = ["in conflict" in blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
         counts = [values.counts.get(name, nothing) for name in names]
-        self._counts = {kind: [of_agent[kind] for of_agent in counts] for kind in COUNTED}
+        for kind in COUNTED:
+            state.counts[kind][0] = [of_agent[kind] for of_agent in counts]
         events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
         stopped = Counter(name for name in events if isinstance(name, str))
-        self._stops = [stopped[name] for name in names]
+        state.stops[0] = [stopped[name] for name in names]
 
     def _take_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Copy the memory of rules, strategies and array functions into `state.first`."""
@@ -281,33 +302,6 @@ class InitialState:
         """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
-    def _put(self, state: GameArrays, columns: CoreColumns) -> None:
-        """Write the columns of the block."""
-        state.turn[:] = self.turn
-        state.blocked[0] = self._blocked
-        state.stops[0] = self._stops
-        state.placed[0] = self._placed
-        for one in NUMBERS:
-            state.numbers[one.name][:] = one.initial
-            state.numbers[one.name][0, self._agents] = self._numbers[one.name]
-        state.alive[0, self._agents] = self._alive
-        has_node = self._is_on_edge | (self.turn > 0)  # at the start, other agents are where their games begin
-        state.node[0, self._agents[has_node]] = self._places[0][has_node]
-        state.previous[0, self._agents[self._has_left]] = self._places[1][self._has_left]
-        state.node[0, self._gone] = self._gone_at
-        state.plays[0, self._gone_teams] = True
-        for number, place in self._progress:
-            if place is not None:
-                state.movement.put_on(number, place)
-        for kind, numbers in self._counts.items():
-            state.counts[kind][0] = numbers
-        if self._over is not None:
-            state.is_going[:] = False
-        columns.begin()
-        if self._parts_played:
-            columns.part[:] = self._parts_played
-            columns.takes_part[:] = state.alive
-
     def put_values(self, state: GameArrays, games: IntArray) -> None:
         """Write the scores, ends, logs and flights of games that have begun with these columns."""
         self._put_flights(state, games)
@@ -317,19 +311,19 @@ class InitialState:
                 state.over[game] = dict(self._over)
         self._put_logs(state, games)
 
-    def _take_departed(self, game: PlayedGame, state: GameArrays) -> None:
-        """Store where agents were deleted."""
+    def _write_departed(self, game: PlayedGame, state: GameArrays) -> None:
+        """Write where agents were deleted."""
         has_node = game.ctx.graph.graph.has_node
         departed = game.internals.state.departed
         gone = {name: node for name, (_, node) in departed.items() if name not in game.ctx.agent.agents}
         gone = {name: node for name, node in gone.items() if has_node(node)}
-        self._gone = np.array([state.roster.names.index(name) for name in gone], np.int64)
-        self._gone_at = state.streets.rows([*gone.values()])
+        numbers = np.array([state.roster.names.index(name) for name in gone], np.int64)
+        state.node[0, numbers] = state.streets.rows([*gone.values()])
         teams = state.roster.teams
-        self._gone_teams = [teams.index(team) for team, _ in departed.values() if team in teams]
+        state.plays[0, [teams.index(team) for team, _ in departed.values() if team in teams]] = True
 
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
-        """Store the poses and start positions of the flying agents."""
+        """Write the rotations of the flying agents; store their positions, which depend on where games begin."""
         block = game.ctx.agent.block
         numbers = state.flyers
         moves = game.internals.state.moves
@@ -343,16 +337,15 @@ class InitialState:
         rows = [block.row_of(name) if name in known else None for name in names]
         columns = ("position", "previous_position", "quat")
         poses = [[None if row is None else read_vector(block, name, row) for row in rows] for name in columns]
-        self._quats = np.array([quat or UNTURNED for quat in poses[2]])
+        state.quat[0] = [quat or UNTURNED for quat in poses[2]]
         each = zip(*poses[:2], starts, strict=True)  # an agent at its start is there in all games
         self._places_in_air = np.array(
             [[_NOWHERE if place in (None, start) else place for place in both] for *both, start in each]
         )
         places = [None if moves is None else moves.index_of(name) for name in names]
-        put = [place is not None and moves is not None and moves.was_put(place) for place in places]
-        self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
-        for number, has_flown in zip(numbers.tolist(), self._have_flown, strict=True):
-            self._placed[number] |= has_flown
+        put = np.array([place is not None and moves is not None and moves.was_put(place) for place in places])
+        state.has_flown[0] = put & ~state.placed[0, numbers]
+        state.placed[0, numbers] |= state.has_flown[0]
 
     def _put_flights(self, state: GameArrays, games: IntArray) -> None:
         if state.flights is not None:
@@ -364,8 +357,6 @@ class InitialState:
             state.position[games], state.previous_position[games] = np.moveaxis(
                 np.where(np.isnan(self._places_in_air), starts[:, :, None], self._places_in_air), 2, 0
             )
-            state.quat[games] = self._quats
-            state.has_flown[games] = self._have_flown
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         state.errors.begin(games, self._errors)
