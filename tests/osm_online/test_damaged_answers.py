@@ -78,7 +78,9 @@ def test_elements_that_contradict_each_other_are_named(server, kind, change, wor
 
 def test_a_place_without_streets_says_which_ways_are_read(server):
     server.misbehaviour["interpreter"] = changes(lambda data: data.update(elements=[]))
-    with pytest.raises(PlaceError, match=r"Only ways with a highway tag are read.*custom_filter='\[\"railway\"\]'"):
+    with pytest.raises(
+        PlaceError, match=r"Only ways with one of the tags highway, route are read.*custom_filter='\[\"railway\"\]'"
+    ):
         graph_from_place(PLACE, osm_type="walk")
     with pytest.raises(PlaceError) as caught:
         graph_from_place(PLACE, osm_type="walk", custom_filter='["railway"]')

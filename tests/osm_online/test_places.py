@@ -263,3 +263,11 @@ def test_a_place_has_one_graph_for_several_modes(server):
         assert nx.is_strongly_connected(in_both)
         assert in_both.number_of_edges() == alone.number_of_edges()
         assert in_both.size("length") == pytest.approx(alone.size("length"), rel=1e-9)
+
+
+def test_a_place_has_networks_that_are_no_roads(server):
+    wires = graph_from_place(PLACE, osm_type={"man_made": ["wire", "pipeline"]}, retain_all=True, strong=False)
+    assert {data["man_made"] for *_, data in wires.edges(data=True)} == {"wire", "pipeline"}
+    both = graph_from_place(PLACE, osm_type=["walk", {"man_made": ["pipeline"]}], retain_all=True)
+    flows = [data for *_, data in both.edges(data=True) if data["pipeline"]]
+    assert {(data["man_made"], data["walk"], data["pipeline"]) for data in flows} == {("pipeline", 0.0, 30.0)}

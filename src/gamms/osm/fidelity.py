@@ -94,7 +94,7 @@ class Report(NamedTuple):
     resolution: float
     nodes: int
     edges: int
-    source_length: float | None  # of all ways of a file with a `highway` tag, open or not; None for other sources
+    source_length: float | None  # of all ways of a file with a key of the mode, open or not; None for other sources
     length_before: float  # of the open roads in the compared parts of the source
     length_after: float  # of the graph
     other_parts: float  # of open roads missing in the graph because they are not connected with the kept part
@@ -436,7 +436,7 @@ def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
 
 
 def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
-    """Count all ways of a file with a `highway` tag, open or not, and features of theirs that a graph ignores.
+    """Count all ways of a file with a key of the mode, open or not, and features of theirs that a graph ignores.
 
     Each way counts once. A closed way, or the rim of a closed area, counts as open if it is the rim of an open area.
 
@@ -460,10 +460,11 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional, "ignored": ignored}, False
 
     with progress() as show:
-        ways = read_ways(as_file(source), show, rule, areas=selection.areas)
+        ways = read_ways(as_file(source), show, rule, areas=selection.areas, keys=selection.keys)
         is_open = set[tuple[int, int, int]]()
         for one in parts:
-            is_open |= {*_pieces_of_ways(read_ways(as_file(source), show, one.rule, areas=one.areas))}
+            open_ways = read_ways(as_file(source), show, one.rule, areas=one.areas, keys=one.keys)
+            is_open |= {*_pieces_of_ways(open_ways)}
         signs = max(count_turn_restrictions(as_file(source), one.vehicles) for one in parts)
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])

@@ -44,6 +44,7 @@ from gamms.osm.modes import (
     filtered,
     honour_traffic,
     keeping,
+    keys_of,
     name_of,
     rule_of,
     stops_of,
@@ -51,7 +52,7 @@ from gamms.osm.modes import (
     vehicles_of,
 )
 from gamms.osm.network import (
-    ONLY_HIGHWAYS,
+    ROADS,
     OsmRoads,
     OSMType,
     RoadNetwork,
@@ -70,9 +71,11 @@ from gamms.osm.network import (
     network_of_columns,
     network_of_part,
     network_of_segments,
+    only_read,
     projected,
     segments_of,
     split_directions,
+    with_stated_times,
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
@@ -97,8 +100,12 @@ _MODES_FILE = _FILE.with_name("helsinki_modes.gamms")
 _MODES_OF_HELSINKI = ("walk", "bike", "drive")
 
 
-ModeOfTravel: TypeAlias = OSMType | str | ModeFunction
-"""An `OSMType`, the name of a mode of travel, a `Mode`, or a function from the tags of a way to its `Access`."""
+NetworkTags: TypeAlias = Mapping[str, str | bool | Sequence[str] | Mapping[str, float]]
+"""The tags of a network that is no road: key -> a value, a list of values, True for any, or values with their km/h."""
+
+ModeOfTravel: TypeAlias = OSMType | str | ModeFunction | NetworkTags
+"""An `OSMType`, the name of a mode of travel, a `Mode`, a function from the tags of a way to its `Access`, or a network
+that is no road, such as `{"railway": ["rail", "tram"]}`."""
 
 
 class GraphRecipe(NamedTuple):
@@ -135,6 +142,7 @@ class RoadSelection(NamedTuple):
     snap: float = 0.0  # meters, for GeoJSON
     around_buildings: bool = False
     ignored: Callable[[Mapping[str, str]], list[str]] | None = None  # the tags of a way that its rule cannot read
+    keys: tuple[str, ...] = ROADS  # a way needs a tag with one of these keys
     both_ways: bool = False  # whether several modes may go against one-way traffic
     of_modes: "tuple[RoadSelection, ...]" = ()  # the selections of several modes, which replace `rule`
 
@@ -241,9 +249,9 @@ def graph_from_file(
             0 merges only vertices at equal positions; None: as the mode says, and 0.5 without one.
         osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
             the tags of a way to its `Access`. It decides the open roads, their directions and the travel times. None
-            takes all roads, with the speed of cars. Only ways with a `highway` tag are read. A list of modes makes one
-            graph for all of them: each edge has for each mode an attribute with its name, the speed in km/h, 0.0 where
-            the mode may not go.
+            takes all roads, with the speed of cars. A dict of tags, such as `{"railway": ["rail", "tram"]}`, is a
+            network that is no road: all ways with one of the tags. A list of modes makes one graph for all of them:
+            each edge has for each mode an attribute with its name, the speed in km/h, 0.0 where the mode may not go.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
         strong: keep the largest part in which every node can be reached from every other; default: only with a mode.
         more: see `FileOptions`.
@@ -295,6 +303,7 @@ def selection_of(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...]
             mode=recipe.mode,
             both_ways=bool(recipe.bidirectional),
             closed=_closed_to_all(of_modes),
+            keys=tuple(dict.fromkeys(key for one in of_modes for key in one.keys)),
             of_modes=(*of_modes,),
         )
     strong = recipe.strong and not recipe.bidirectional
@@ -308,18 +317,18 @@ def selection_of(recipe: GraphRecipe, mode: Travel | None, tags: tuple[str, ...]
         rule = keeping(rule_of(mode), tags)
         stops = stops_of(mode)
         chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
-        chosen = chosen._replace(vehicles=vehicles_of(mode))
+        chosen = chosen._replace(vehicles=vehicles_of(mode), keys=keys_of(mode))
         chosen = chosen._replace(ignored=mode.ignored_values if isinstance(mode, Mode) else None)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 
 def _closed_to_all(selections: Sequence[RoadSelection]) -> Rule:
     """Return the rule for the ways that are closed to each mode, with the tag that closes them to the first."""
-    rules = [one.closed for one in selections if one.closed is not None]
 
     def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
-        found = [rule(osmid, tags) for rule in rules]
-        return None if None in found else found[0]
+        found = [None if one.closed is None else one.closed(osmid, tags) for one in selections]
+        asked = (row for row, one in enumerate(selections) if any(key in tags for key in one.keys))
+        return None if None in found else found[next(asked, 0)]
 
     return closed
 
@@ -605,9 +614,11 @@ def _read_with_squares(
         stops=selection.stops,
         clip=selection.clip,
         around_buildings=selection.around_buildings,
+        keys=selection.keys,
     )
     if selection.vehicles:
         ways = replace(ways, restrictions=read_restrictions(file, {selection.mode: selection.vehicles}))
+    ways = with_stated_times(ways)
     return with_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
 
 
@@ -645,7 +656,8 @@ def _no_way_back(mode: str) -> str:
 def _why_no_roads(ways: OsmRoads, selection: RoadSelection) -> str:
     """Return the rest of the error for a file without roads."""
     whose = f" for the mode {selection.mode!r}" if selection.mode else ""
-    only = f"{ONLY_HIGHWAYS}; graph_from_geojson reads lines of any kind."
+    only = f"{only_read(selection.keys)}; osm_type={{'railway': ['rail']}} reads other networks, "
+    only += "and graph_from_geojson lines of any kind."
     if selection.clip is not None:
         west, south, east, north = selection.clip.bounds
         where = f"between longitudes {west:g} and {east:g} and latitudes {south:g} and {north:g}"

@@ -20,6 +20,9 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.osm.network import (
     KEPT_TAGS,
+    NETWORK_KEYS,
+    ROADS,
+    STATED_SECONDS,
     OSMType,
     Rule,
     Stops,
@@ -40,7 +43,7 @@ from gamms.osm.objects import (
     plain_tags,
     words_of,
 )
-from gamms.osm.speeds import sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
+from gamms.osm.speeds import duration_s, network_speed_kph, sign_in_force, sign_keys, sign_of, speed_kph, unread_signs
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
@@ -108,7 +111,9 @@ class Mode:
     """The rules of one mode of travel; calling it with the tags of a way returns its `Access`, or None."""
 
     name: str
-    highways: _Speeds  # classes of ways that are open unless a tag closes them, with their usual km/h
+    # Classes of ways that are open unless a tag closes them, with their usual km/h: values of `highway`, or tags of
+    # other networks such as "railway=tram"; "waterway=*" is any value.
+    highways: _Speeds
     by_permission: _Speeds  # classes that are open only if the mode's own key says so
     access: tuple[str, ...]  # keys that open and close ways; the first one that a way has decides
     refused: tuple[str, ...]  # values of these keys that close a way
@@ -160,7 +165,8 @@ class Mode:
         plain = plain_tags(tags)
         highway = self._class_of(plain)
         listed = self.highways.get(highway, self.by_permission.get(highway))
-        usual = min(speed_kph(plain), max(self.highways.values())) if listed is None else listed
+        roads = [kph for name, kph in self.highways.items() if "=" not in name]
+        usual = min(speed_kph(plain), max(roads, default=_FASTEST_KPH)) if listed is None else listed
         sign = None if self.maxspeed == "ignored" else sign_of(plain, self.vehicles, direction)
         if sign is None:
             return usual
@@ -182,12 +188,23 @@ class Mode:
         """The names of the mode in keys such as `maxspeed:bicycle`, the most specific first."""
         return tuple(key for key in self.access if key != "access")
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the classes of ways: `highway`, and those of other networks."""
+        classes = (*self.highways, *self.by_permission)
+        return tuple(dict.fromkeys(name.partition("=")[0] if "=" in name else "highway" for name in classes))
+
+    def stated_seconds(self, tags: Mapping[str, str]) -> float | None:
+        """Return the time that a way of another network than roads takes by its `duration`, such as a ferry."""
+        plain = plain_tags(tags)
+        return duration_s(plain.get("duration")) if "=" in self._class_of(plain) else None
+
     def decisive_keys(self) -> frozenset[str]:
         """Return the keys of all tags that the mode reads."""
         rules = (self.closed, self.never, self.implied_oneway, self.contraflow)
         keys = {*self.access, *(key for rule in rules for key in rule)}
         directed = {f"{key}:{direction}" for key in keys for direction in DIRECTIONS}
-        return frozenset(("highway", *keys, *directed, *self.oneway, *sign_keys(self.vehicles)))
+        return frozenset(("highway", *self.keys, *keys, *directed, *self.oneway, *sign_keys(self.vehicles)))
 
     def signs(self, tags: Mapping[str, str]) -> list[dict[str, Any]]:
         """Return the signs of speed along the vertices of a way and against them; see `speeds.sign_in_force`."""
@@ -198,8 +215,20 @@ class Mode:
     def _class_of(self, tags: Mapping[str, str]) -> str:
         """Return the class of a way, of several the first that is known."""
         classes = words_of(tags.get("highway"))
-        known = (one for one in classes if one in self.highways or one in self.by_permission)
+        names = [*classes]
+        for key in self.keys:
+            words = words_of(tags.get(key)) if key != "highway" else []
+            names += [name for word in words for name in (f"{key}={word}", f"{key}=*")]
+        known = (one for one in names if one in self.highways or one in self.by_permission)
         return next(known, ";".join(classes) or "no")
+
+    def _tag_of_class(self, name: str, tags: Mapping[str, str]) -> str:
+        """Return the tag of a class of ways, or of an unknown one."""
+        keys = [key for key in self.keys if key in tags]
+        key = name.partition("=")[0] if "=" in name else next(iter(keys), "highway")
+        if key == "highway" or "highway" in tags:
+            return f"highway={name}"
+        return f"{key}={';'.join(words_of(tags[key]))}"
 
     def _closing_tags(self, tags: Mapping[str, str]) -> tuple[str, str]:
         """Return the tags that close a way along its vertices and against them; empty where it is open."""
@@ -220,12 +249,13 @@ class Mode:
         highway = self._class_of(tags)
         never = _closed_by(self.never, tags, direction)
         if never or (highway not in self.highways and highway not in self.by_permission):
-            return never or f"highway={highway}"
+            return never or self._tag_of_class(highway, tags)
         signed = self._signed(tags, direction)
         if signed.is_open is False:
             return signed.tag
         if signed.is_open is None:
-            closing = _closed_by(self.closed, tags, direction) if highway in self.highways else f"highway={highway}"
+            closing = _closed_by(self.closed, tags, direction)
+            closing = closing if highway in self.highways else self._tag_of_class(highway, tags)
             return closing or against_traffic
         return "" if signed.is_directed else against_traffic
 
@@ -361,7 +391,14 @@ class SeveralModes:
 Travel = ModeFunction | SeveralModes
 """The mode of travel of a graph, or its several modes."""
 
-_NO_NAMES = OWN_NAMES | {*KEPT_TAGS, "oneway", "across_area", "underground"}  # other attributes of edges
+_NO_NAMES = OWN_NAMES | {
+    *KEPT_TAGS,
+    *NETWORK_KEYS,
+    "duration",
+    "oneway",
+    "across_area",
+    "underground",
+}  # other attributes of edges
 
 
 def as_travel(value: object, tags: Collection[str] = ()) -> Travel:
@@ -391,20 +428,86 @@ def as_travel(value: object, tags: Collection[str] = ()) -> Travel:
     return several
 
 
+def _network_mode(given: Mapping[Any, object]) -> Mode:
+    """Return the mode of a network that is no road: all ways with one of these tags.
+
+    Args:
+        given: key -> a value, a list of values, True for any value, or values with their km/h.
+
+    Raises:
+        BadType, BadValue: it is something else.
+    """
+    classes: dict[str, float] = {}
+    names = list[str]()
+    for key, values in given.items():
+        listed = ["*"] if values is True else [values] if isinstance(values, str) else values
+        if not isinstance(key, str) or not isinstance(listed, (list, tuple, set, frozenset, Mapping)) or not listed:
+            raise BadType(
+                f"osm_type[{shown(key)}] must be a value, a list of values, values with their km/h, or True for any, "
+                f"not {shown(values)}."
+            )
+        for value in sorted(listed) if isinstance(listed, (set, frozenset)) else listed:
+            if not isinstance(value, str):
+                raise BadType(f"osm_type[{key!r}] must have texts as values, not {shown(value)}.")
+            word = value.strip().lower()
+            kph = listed[value] if isinstance(listed, Mapping) else network_speed_kph(key, word)
+            if not 0.0 < number_of(kph) <= _FASTEST_KPH:
+                raise BadValue(
+                    f"osm_type[{key!r}][{value!r}] must be a speed up to {_FASTEST_KPH:g} km/h, not {shown(kph)}."
+                )
+            classes[word if key == "highway" else f"{key}={word}"] = number_of(kph)
+            names.append(key if word == "*" else word)
+    if not classes:
+        raise BadValue("osm_type is an empty dict. Name keys and values, such as {'railway': ['rail', 'tram']}.")
+    never = _shipped()["walk"].never
+    cars = _shipped()["drive"]
+    return replace(
+        cars,
+        name="_".join(names),
+        highways=classes,
+        by_permission={},
+        access=(),
+        refused=(),
+        closed={},
+        never=never,
+        oneway={"oneway": cars.oneway["oneway"]},
+        implied_oneway={},
+        barriers=(),
+        tolerance=_TOLERANCE_M,
+    )
+
+
+def keys_of(mode: ModeFunction) -> tuple[str, ...]:
+    """Return the keys of which a way needs one to be read for a mode.
+
+    A function is asked about other networks than roads if it closes a way without tags: one that opens it, or fails,
+    decides among roads only.
+    """
+    if isinstance(mode, Mode):
+        return mode.keys
+    try:
+        is_choosy = mode({}) is None
+    except Exception:  # noqa: BLE001 # it reads the tags of roads; if it fails for them, too, its error is told there
+        is_choosy = False
+    return (*ROADS, *NETWORK_KEYS) if is_choosy else ROADS
+
+
 def as_mode(value: object) -> ModeFunction:
-    """Return a mode of travel from an `OSMType`, a name, a `Mode` or a function.
+    """Return a mode of travel from an `OSMType`, a name, a `Mode`, a function or a dict of the tags of a network.
 
     Raises:
         BadType: the value is none of these.
     """
     if callable(value) and not isinstance(value, type):
         return value
+    if isinstance(value, Mapping):
+        return _network_mode(value)
     name = value.name if isinstance(value, OSMType) else value
     mode = _shipped().get(name.rpartition(".")[2].lower()) if isinstance(name, str) else None
     if mode is None:
         raise BadType(
             "osm_type must be OSMType.WALK, BIKE or DRIVE, one of the names "
-            f"{', '.join(_shipped())}, a Mode, a function or a list of these, not {shown(value)}."
+            f"{', '.join(_shipped())}, a Mode, a function, a dict of tags or a list of these, not {shown(value)}."
             f"{nearest(value, _shipped())}"
         )
     return mode
@@ -462,6 +565,7 @@ def closed_rule(mode: ModeFunction) -> Rule:
 def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
     """Return the rule for reading the ways of a mode of travel; `names` are the tags to keep."""
     decide = _remembered(mode) if isinstance(mode, Mode) else lambda tags: (mode(tags), _NO_SIGNS)
+    kept = (*names, *(key for key in mode.keys if key not in names)) if isinstance(mode, Mode) else names
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         try:
@@ -481,7 +585,10 @@ def rule_of(mode: ModeFunction, names: Collection[str] = KEPT_TAGS) -> Rule:
                 )
         if not forward and not backward:
             return None
-        found = {**attributes_of(osmid, tags, names), "oneway": not (forward and backward)}
+        found = {**attributes_of(osmid, tags, kept), "oneway": not (forward and backward)}
+        seconds = mode.stated_seconds(tags) if isinstance(mode, Mode) and "duration" in tags else None
+        if seconds is not None:
+            return {**found, "speed_kph": float(speed), STATED_SECONDS: seconds}, not forward
         if "maxspeed" in names:
             found = with_directions(found, signs, against=not forward)
         speeds = [{"speed_kph": float(speed)}, {"speed_kph": float(back)}]

@@ -47,8 +47,12 @@ KEPT_TAGS = (
     "layer",
     "level",
 )
-ONLY_HIGHWAYS = "Only ways with a highway tag are read, not railways, ferries or waterways"  # for errors
+ROADS = ("highway",)  # the keys of ways that are roads
+# Keys of ways of other networks; edges keep them where there is no `highway`.
+NETWORK_KEYS = ("railway", "route", "waterway", "aerialway", "aeroway", "power", "man_made", "piste:type")
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
+STATED_SECONDS = "stated_seconds"  # tag with the time that a way takes by the map, until its length is known
+_FASTEST_FERRY_KPH = 120.0  # a time that is too short for a ferry is an error of the map
 BACKWARD_TAGS = "tags:backward"  # tag with the tags that hold against the traffic of a two-way road only
 _UPRIGHT = frozenset(("steps", "escalator", "elevator"))  # their speed already includes the climb
 
@@ -195,6 +199,8 @@ def closing_tag(tags: Mapping[str, str], name: str, values: Collection[str]) -> 
 
 def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
     """Return the id of a way and its kept tags."""
+    if "highway" not in tags:
+        names = (*names, *NETWORK_KEYS, "duration")
     return {"osmid": osmid, **{name: tags[name] for name in names if name in tags}}
 
 
@@ -256,6 +262,31 @@ def split_directions(tags: Sequence[Mapping[str, Any]]) -> tuple[Sequence[Mappin
         split[row] = own
         split.append({name: value for name, value in {**own, **other}.items() if value is not None})
     return split, rows
+
+
+def with_stated_times(ways: OsmRoads) -> OsmRoads:
+    """Return the ways with the speeds that follow from their length and the time that the map states for them.
+
+    A way of which a node is missing, or that would be faster than 120 km/h, keeps its usual speed.
+    """
+    if not any(STATED_SECONDS in of_way for of_way in ways.tags):
+        return ways
+    tags = list[Mapping[str, Any]]()
+    for of_way, start, end in zip(ways.tags, ways.offsets[:-1], ways.offsets[1:], strict=True):
+        own = {name: value for name, value in of_way.items() if name != STATED_SECONDS}
+        if STATED_SECONDS in of_way:
+            line = ways.lonlat[start:end]
+            kph = 3.6 * float(ellipsoid_lengths(line[:-1], line[1:]).sum()) / of_way[STATED_SECONDS]
+            own.update({"speed_kph": kph} if 0.0 < kph <= _FASTEST_FERRY_KPH else {})
+        tags.append(own)
+    return replace(ways, tags=tags)
+
+
+def only_read(keys: Sequence[str]) -> str:
+    """Return which ways are read, for errors."""
+    if tuple(keys) == ROADS:
+        return "Only ways with a highway tag are read, not railways, ferries or waterways"
+    return f"Only ways with one of the tags {', '.join(keys)} are read"
 
 
 def segments_of(ways: OsmRoads) -> RoadSegments:

@@ -36,7 +36,7 @@ from gamms.osm.footprints import (
     outlines_of_ways,
     rows_around,
 )
-from gamms.osm.network import OsmRoads, Rule, Stops, classic_rule
+from gamms.osm.network import ROADS, OsmRoads, Rule, Stops, classic_rule
 from gamms.osm.objects import (
     Member,
     ObjectVersions,
@@ -371,7 +371,7 @@ class _ClippedNodes:
         return any(node.ref in self.place_of for node in cast("osm.Way", one).nodes)
 
 
-def read_ways(
+def read_ways(  # noqa: PLR0913 # the options of a selection of roads
     file: Path,
     show: Show,
     rule: Rule | None = None,
@@ -381,6 +381,7 @@ def read_ways(
     stops: Stops | None = None,
     clip: "Polygon | MultiPolygon | None" = None,
     around_buildings: bool = False,
+    keys: Sequence[str] = ROADS,
 ) -> OsmRoads:
     """Return the ways of a map file that a rule accepts, by default all roads, in file order; possibly none.
 
@@ -393,6 +394,7 @@ def read_ways(
         stops: whether a node with these tags is a barrier.
         clip: an area in degrees; nodes outside count as missing.
         around_buildings: attach the buildings of the file, which are read when they are needed.
+        keys: a way needs a tag with one of these keys.
 
     Raises:
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
@@ -409,7 +411,7 @@ def read_ways(
     show(f"Reading {file.name}")
     with _errors_of(file):
         part = None if clip is None else _ClippedNodes(source, clip)
-        roads = _roads(source, tags if stops is None else [*tags, "barrier"], has_places=part is None)
+        roads = _roads(source, keys, tags if stops is None else [*tags, "barrier"], has_places=part is None)
         for count, one in enumerate(roads, 1):
             if part is not None and not part.has_part_of(one):
                 continue
@@ -530,18 +532,20 @@ def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
 
-def _roads(source: MapSource, tags: Sequence[str], *, has_places: bool) -> Iterator[_MapObject]:
-    """Read the ways and relations with a `highway`, and the nodes with a `highway` or one of these tags."""
+def _roads(source: MapSource, keys: Sequence[str], tags: Sequence[str], *, has_places: bool) -> Iterator[_MapObject]:
+    """Read the ways with one of these keys, relations with a `highway`, and nodes with it or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
 
-    ways = KeyFilter("highway")
+    ways = KeyFilter(*keys)
+    squares = KeyFilter("highway")
     nodes = KeyFilter(*node_keys(tags))
-    ways.enable_for(osm.WAY | osm.RELATION)
+    ways.enable_for(osm.WAY)
+    squares.enable_for(osm.RELATION)
     nodes.enable_for(osm.NODE)
     objects = FileProcessor(source.opened, osm.NODE | osm.WAY | osm.RELATION)
     objects = _with_places(objects, source) if has_places else objects
-    return source.counting(objects.with_filter(ways).with_filter(nodes))
+    return source.counting(objects.with_filter(ways).with_filter(squares).with_filter(nodes))
 
 
 def _with_places(objects: "FileProcessor", source: MapSource) -> "FileProcessor":

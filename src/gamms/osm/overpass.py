@@ -20,10 +20,12 @@ from gamms.osm.areas import length_across, open_squares, rims_of, with_areas, wi
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
 from gamms.osm.mode_union import ModeRoads, in_largest_parts, keep_uses, unite
 from gamms.osm.modes import (
+    Mode,
     ModeFunction,
     SeveralModes,
     Travel,
     honour_traffic,
+    keys_of,
     modes,
     name_of,
     paced_rule,
@@ -34,7 +36,7 @@ from gamms.osm.modes import (
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
-    ONLY_HIGHWAYS,
+    ROADS,
     CoverageGaps,
     OsmRoads,
     OSMType,
@@ -45,7 +47,9 @@ from gamms.osm.network import (
     largest_part,
     network_of_segments,
     offsets_of,
+    only_read,
     segments_of,
+    with_stated_times,
 )
 from gamms.osm.objects import (
     LEAST_NODES,
@@ -185,12 +189,15 @@ def _streets(
 ) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
     surroundings = footprints.widened(polygon, _MARGIN_M)
-    filters = options.custom_filter or ('["highway"]' if options.mode else _filter_of(options.osm_type))
-    squares = [] if options.mode is None or options.custom_filter else ['relation["highway"]["type"="multipolygon"]']
-    if squares and any(vehicles_of(mode) for mode in _modes_of(options)):
-        squares.append('relation["type"~"^restriction"]')
-    chosen = [filters] if isinstance(filters, str) else filters
-    queries = [([f"way{one}", *squares], "(._;>;);out;") for one in chosen]
+    if options.custom_filter or options.mode is None:
+        filters = options.custom_filter or _filter_of(options.osm_type)
+        queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
+    else:
+        wanted = [f"way{one}" for one in _filters_of(options.mode)]
+        wanted.append('relation["highway"]["type"="multipolygon"]')
+        if any(vehicles_of(mode) for mode in _modes_of(options)):
+            wanted.append('relation["type"~"^restriction"]')
+        queries = [(wanted, "(._;>;);out;")]
     found = _download(servers, surroundings, queries, read_streets)
     buildings = None
     if options.around_buildings:
@@ -203,7 +210,8 @@ def _streets(
             servers.save_rest()
             return there
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
-    only = "" if options.custom_filter else f"{ONLY_HIGHWAYS}; custom_filter='[\"railway\"]' would ask for others. "
+    keys = ROADS if options.mode is None else _keys_of(options.mode)
+    only = "" if options.custom_filter else f"{only_read(keys)}; custom_filter='[\"railway\"]' would ask for others. "
     raise PlaceError(
         f"There are no streets of the type {shown(kind)} in {name}. {only}"
         "Try a larger area, or another osm_type or custom_filter."
@@ -224,7 +232,8 @@ def _network_of(
     parts = list[ModeRoads]()
     for one in _modes_of(options):
         mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
-        ways = with_ways_across(replace(_ways(found, mode, options), buildings=buildings))
+        ways = with_stated_times(_ways(found, mode, options))
+        ways = with_ways_across(replace(ways, buildings=buildings))
         segments = _part(segments_of(ways), area, options)
         if not len(segments.sources):
             return None
@@ -439,6 +448,25 @@ def _by_id(elements: list[_Any]) -> dict[int, _Any]:
             found[one.id] = one
         found.setdefault(one.id, one)
     return found
+
+
+def _keys_of(travel: Travel) -> list[str]:
+    """Return the keys of ways of a mode or of several."""
+    several = travel.modes if isinstance(travel, SeveralModes) else (travel,)
+    return [*dict.fromkeys(key for mode in several for key in keys_of(mode))]
+
+
+def _filters_of(travel: Travel) -> list[str]:
+    """Return Overpass filters, of which the ways of a mode, or of one of several modes, match at least one."""
+    several = travel.modes if isinstance(travel, SeveralModes) else (travel,)
+    classes = [name for mode in several if isinstance(mode, Mode) for name in (*mode.highways, *mode.by_permission)]
+    functions = [key for mode in several if not isinstance(mode, Mode) for key in keys_of(mode)]
+    found = dict.fromkeys(f"[{json.dumps(key)}]" for key in functions)
+    for name in classes:
+        key, _, value = name.partition("=") if "=" in name else ("highway", "", "*")
+        text = json.dumps(key, ensure_ascii=False)
+        found[f"[{text}]" if value == "*" else f"[{text}={json.dumps(value, ensure_ascii=False)}]"] = None
+    return [*found]
 
 
 def _filter_of(osm_type: OSMType) -> str:

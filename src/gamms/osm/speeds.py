@@ -34,6 +34,20 @@ for _kph, _highways in _HIGHWAYS_OF_SPEED.items():
     SPEED_OF_HIGHWAY_KPH.update(dict.fromkeys(_highways, _kph))
 UNKNOWN_SPEED_KPH = 30.0
 
+# Kilometers per hour on ways of other networks: our own round numbers. A ferry without a duration is slow.
+SPEED_OF_NETWORK_KPH: dict[str, float] = {
+    "railway=rail": 80.0,
+    "railway=light_rail": 50.0,
+    "railway=subway": 40.0,
+    "railway=monorail": 40.0,
+    "railway=narrow_gauge": 30.0,
+    "railway=tram": 25.0,
+    "railway=funicular": 10.0,
+    "route=ferry": 15.0,
+    "waterway=*": 10.0,
+    "aerialway=*": 15.0,
+}
+
 SPEED_OF_WORD_KPH: dict[str, float] = {  # the word after the country in values such as FI:urban
     "motorway": 120.0,
     "trunk": 90.0,
@@ -85,6 +99,35 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
         return sign.kph
     known = (SPEED_OF_HIGHWAY_KPH[name] for name in words_of(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
     return next(known, UNKNOWN_SPEED_KPH)
+
+
+def network_speed_kph(key: str, value: str) -> float:
+    """Return the usual speed on ways of another network than roads, such as `railway=tram`."""
+    known = (SPEED_OF_NETWORK_KPH.get(f"{key}={word}") for word in (value, "*"))
+    return next((kph for kph in known if kph is not None), UNKNOWN_SPEED_KPH)
+
+
+_CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,4})(?::(\d{2}))?", re.ASCII)  # h:mm, h:mm:ss, or minutes
+_ISO_DURATION = re.compile(
+    r"p(?:(\d+)d)?(?:t(?:(\d+(?:[.,]\d+)?)h)?(?:(\d+(?:[.,]\d+)?)m)?(?:(\d+(?:[.,]\d+)?)s)?)?", re.ASCII
+)
+
+
+def duration_s(value: object) -> float | None:
+    """Return a `duration` in seconds: `hh:mm`, `hh:mm:ss`, minutes, or ISO 8601 such as `PT1H30M`; else None."""
+    words = words_of(value)
+    if len(words) != 1:
+        return None
+    clock = _CLOCK.fullmatch(words[0])
+    iso = _ISO_DURATION.fullmatch(words[0])
+    seconds = 0.0
+    if clock is not None and (clock[1] is not None or clock[3] is None):
+        hours, minutes, rest = (float(part or 0) for part in clock.groups())
+        seconds = 3600.0 * hours + 60.0 * minutes + rest
+    elif iso is not None:
+        parts = [float((part or "0").replace(",", ".")) for part in iso.groups()]
+        seconds = sum(part * of_unit for part, of_unit in zip(parts, (86400.0, 3600.0, 60.0, 1.0), strict=True))
+    return seconds if seconds > 0.0 else None
 
 
 class Sign(NamedTuple):

@@ -7,11 +7,12 @@ from pathlib import Path
 
 from gamms import osm
 from gamms.context import Context, create_context
-from gamms.errors import nearest
+from gamms.errors import BadValue, nearest
 from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
+from gamms.osm.modes import ModeFunction, as_mode
 from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
@@ -84,7 +85,7 @@ def check_names(map: Map) -> None:
         mode_of(map, None)
 
 
-def mode_of(map: Map, folder: Path | None) -> osm.Mode | list[osm.Mode] | None:
+def mode_of(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction] | None:
     """Return the mode of travel for the streets of a file or place, or its modes; None if the scenario names none.
 
     Raises:
@@ -101,11 +102,12 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | list[osm.Mode] | None:
             known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
         if given.osm_type is None:
             raise ScenarioError(path, f"name one of its modes as osm_type.{nearest('', known)}")
-    names = given.osm_type if isinstance(given.osm_type, list) else [str(given.osm_type)]
-    for name in names:
-        if name not in known:
-            raise ScenarioError(f"map.{kind}.osm_type", f"there is no mode of travel {name!r}.{nearest(name, known)}")
-    found = [known[name] for name in names]
+    found = list[ModeFunction]()
+    with at(f"map.{kind}.osm_type"):
+        for one in given.osm_type if isinstance(given.osm_type, list) else [given.osm_type]:
+            if isinstance(one, str) and one not in known:
+                raise BadValue(f"there is no mode of travel {one!r}.{nearest(one, known)}")
+            found.append(known[one] if isinstance(one, str) else as_mode(one))
     return found if isinstance(given.osm_type, list) else found[0]
 
 
@@ -199,7 +201,9 @@ def _walls_of(given: MapFile | MapPlace, options: Values) -> Values:
     return {"barriers": given.barriers, "elevation": options.get("elevation")}
 
 
-def _options_of(given: MapFile | MapPlace, mode: osm.Mode | list[osm.Mode] | None, folder: Path | None) -> Values:
+def _options_of(
+    given: MapFile | MapPlace, mode: ModeFunction | list[ModeFunction] | None, folder: Path | None
+) -> Values:
     """Return the options for the streets of a map, as arguments of `gamms.osm` functions."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}

@@ -38,7 +38,15 @@ Travel = Annotated[
     str,
     Meta(min_length=1, max_length=100, description="A mode of travel of GAMMS, such as walk or drive, or of `modes`."),
 ]
-Modes = Travel | Annotated[list[Travel], Meta(min_length=1, description="The modes of travel of one graph.")]
+NetworkTags = Annotated[
+    dict[str, bool | str | list[str] | dict[str, float]],
+    Meta(min_length=1, description="The tags of a network that is no road, such as railway: [rail, tram]."),
+]
+Modes = (
+    Travel
+    | NetworkTags
+    | Annotated[list[Travel | NetworkTags], Meta(min_length=1, description="The modes of travel of one graph.")]
+)
 Values = dict[str, Any]
 _T = TypeVar("_T", bound=msgspec.Struct)
 
