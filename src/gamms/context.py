@@ -484,12 +484,16 @@ def create_context(
             ctx._shows_nothing = True
         else:
             ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
-        if game is not None:
-            ctx.game.configure(game)
     except BaseException:
         ctx.internal_context.terminate()
         raise
     ctx.set_alive()
+    if game is not None:
+        try:
+            ctx.game.configure(game)
+        except BaseException:
+            ctx.terminate()
+            raise
     return ctx
 
 

@@ -440,6 +440,8 @@ def test_a_game_continues_exactly_from_the_middle_of_a_deed(road):
 
 
 def test_what_an_agent_is_doing_is_drawn_as_an_arc_that_closes(road):
+    with gamms.create_context(logger_config={"level": "ERROR"}, game={"deeds": {"defuse": DEFUSE}}) as ctx:
+        assert ctx.visual.artists.get("doing") is not None
     lasts(road)
     road.plans["ann"] = [{"do": {"defuse": 3}}]
     stream = io.BytesIO()

@@ -478,6 +478,8 @@ class DeclaredDeeds:
             values[key] = np.empty(len(each), _NUMERIC[field.kind][1] if is_numeric else object)
             for i, one in enumerate(given):
                 values[key][i] = one
+        for key in ("since", "time") if kind in self.lasting else ():
+            values[key] = np.array([fields[key] for fields in each], np.float64)
         return values
 
     def _column(

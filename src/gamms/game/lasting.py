@@ -235,12 +235,13 @@ def end_deeds(ctx: HostContext) -> None:
     for kind in sorted(doing):
         kept = doing[kind]
         for name, begun in sorted(kept["begun"].items()):
-            stop = ends.find_stop(name, begun["since"], lasting.get(kind, Duration()))
+            lasts = lasting.get(kind, Duration())
+            stop = ends.find_stop(name, begun["since"], lasts)
             if begun["until"] <= min(state.turn, stop.time):
                 done.append((begun["until"], name, kind, begun))
             elif stop.time <= state.turn:
                 left = begun["until"] - stop.time
-                if lasting[kind].on_interrupt == "resume":
+                if lasts.on_interrupt == "resume":
                     kept["unfinished"].setdefault(name, []).append([begun["values"], left])
                 game.emit(
                     "interrupted", agent=name, deed=kind, by=stop.by, time=stop.time, left=left, **begun["values"]
@@ -249,7 +250,7 @@ def end_deeds(ctx: HostContext) -> None:
                 kept["left"][name] = begun["until"] - state.turn
                 continue
             del kept["begun"][name]
-            del kept["left"][name]
+            kept["left"].pop(name, None)
     rows = []
     for number, (time, name, kind, begun) in enumerate(sorted(done, key=lambda one: one[:3])):
         node = ends.start_of(name)
