@@ -79,3 +79,67 @@ def test_the_dog_wins_when_fifteen_sheep_are_in_the_pen():
     assert all(node.x**2 + (node.y - 120) ** 2 <= 35**2 for node in nodes)
     assert result.winner == "dogs"
     assert len(nodes) == result.scores["dogs"] >= 15
+
+
+class Referee:
+    """Follows a bomb disposal by the actions and the tracks of the agents alone, with its own clock."""
+
+    def __init__(self, seconds, turn_seconds):
+        self.full = seconds / turn_seconds
+        self.left, self.doing, self.found = {}, {}, []
+
+    def note(self, ctx):
+        end = ctx.game.turn
+        moves = ctx.game.internals.state.moves
+        tracks = {slot.name: moves.track(i) for i, slot in enumerate(moves.slots)}
+        tagged = {event["other"] for event in ctx.game.events if event["turn"] == end and event["kind"] == "tag"}
+        for agent in ctx.agent.teams["experts"]:
+            name = agent.name
+            wanted = agent.state["action"]
+            if isinstance(wanted, dict) and name not in self.doing:
+                self.doing[name] = wanted["do"]["disarm"], end - 1
+                self.found.append((name, "begun", end - 1))
+            if name in self.doing:
+                bomb, begun = self.doing[name]
+                assert set(tracks[name].path) == {bomb}, "it stays"
+                done = begun + self.left.get((name, bomb), self.full)
+                arrival = end - 1 + min(self.arrival(track, bomb) for name, track in tracks.items() if "thugs" in name)
+                stop = arrival if name in tagged else end + 1
+                if done <= min(end, stop):
+                    self.finish(name, "done", done)
+                    self.left.pop((name, bomb), None)
+                elif name in tagged:
+                    self.left[name, bomb] = done - stop
+                    self.finish(name, "interrupted", stop)
+
+    def finish(self, name, kind, time):
+        del self.doing[name]
+        self.found.append((name, kind, time))
+
+    def arrival(self, track, node):
+        """When a thug comes to a node in a turn: from the distances along its roads."""
+        times = [leg.until for leg in track.legs if node == (leg.target if leg.end == 1.0 else leg.source)]
+        is_there = track.path == (node,) and not track.legs
+        return 0.0 if is_there else min((time for time in times if time > 0), default=9.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_bombs_are_disarmed_at_the_times_of_an_independent_referee(seed):
+    with scenario.from_gallery("bomb_disposal").build(seed) as ctx:
+        referee = Referee(45, 10)
+        ctx.game.add(referee.note)
+        result = ctx.game.run()
+    kinds = ("begun", "done", "interrupted")
+    found = [(one["agent"], one["kind"], one["time"]) for one in result.events if one["kind"] in kinds]
+    assert {kind for _, kind, _ in found} == set(kinds)
+    for (agent, kind, time), (other, expected, exact) in zip(sorted(found), sorted(referee.found), strict=True):
+        assert (agent, kind) == (other, expected)
+        assert time == pytest.approx(exact, abs=1e-9)
+
+
+def test_a_bomb_disposal_of_a_batch_is_the_game_alone():
+    game = scenario.from_gallery("bomb_disposal").replace(max_turns=25)
+    with game.batch(2, seed=5) as games:
+        games.run(warn=False)
+        assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
+        assert not games.detached
