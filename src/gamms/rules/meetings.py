@@ -24,7 +24,6 @@ from gamms.errors import IllegalMutation, UnknownName
 from gamms.game.block.columns import AgentTable
 from gamms.game.block.in_core import (
     SCORING,
-    CompiledRule,
     ContactOptions,
     ContactSearch,
     Ground,
@@ -501,7 +500,6 @@ class GameRule(RuleOfGame):
         pairs = iter([(agent_of(names[agent]), agent_of(names[other])) for _, _, agent, other, *_ in calls])
         told = []
         reached: list[Hashable] = []
-        has_times = bool(list_lasting(game.deeds))
         for number, rule, agent, other, node, time in events:
             kind = rules.KINDS[number]
             played = self.makes.rules[rule]
@@ -521,9 +519,10 @@ class GameRule(RuleOfGame):
                 game.end(**played.end(agent, reached, roster.table.teams))
             else:
                 name = names[agent] if agent >= 0 else self.carriers[other]
-                event = {"turn": turn, "kind": kind, "agent": name, **_name_other(kind, other, names, played)}
-                moment = {"time": turn - 1 + time} if has_times and kind == "tag" else {}
-                state.events.append({**event, "node": ids[node], **moment})
+                event = {"turn": turn, "kind": kind, "agent": name}
+                if kind in NAMED:
+                    event[NAMED[kind]] = names[other] if kind == "tag" else played.flags[other]
+                state.events.append(_with_time({**event, "node": ids[node]}, turn - 1 + time, game.deeds))
                 told.append((kind, name, other))
                 if kind in SCORING:
                     team = roster.teams[agent]
@@ -534,11 +533,11 @@ class GameRule(RuleOfGame):
         return told
 
 
-def _name_other(kind: str, other: int, names: Sequence[str], played: CompiledRule) -> dict[str, Any]:
-    """Return the field of an event that names the other agent of a tag, or the team of a flag."""
-    if kind not in NAMED:
-        return {}
-    return {NAMED[kind]: names[other] if kind == "tag" else played.flags[other]}
+def _with_time(event: dict[str, Any], time: float, deeds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an event; with its time, if it is a tag in a game with deeds that last."""
+    if event["kind"] == "tag" and deeds and list_lasting(deeds):
+        event["time"] = time
+    return event
 
 
 class TurnContacts(RuleMoves):
