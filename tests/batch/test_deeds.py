@@ -187,3 +187,26 @@ def test_array_strategies_begin_deeds_that_last_and_see_them_as_plain_ones_do(or
 def test_a_view_of_a_game_without_deeds_that_last_shows_none():
     with deed_scene().batch(2) as games, pytest.raises(UnknownName, match="declares no deed that lasts"):
         games.observe("red")["doing"]
+
+
+def test_array_rules_get_finished_deeds_with_their_times():
+    @gamms.array_rule
+    def note(turn):
+        done = turn.performed("fix")
+        turn.emit("noted", done.at, values={key: done.values[key].tolist() for key in ("since", "time")})
+
+    @gamms.array_strategy
+    def fix_at_first(view):
+        view.do("fix", view.turn[:, None] == 0)
+        return view.counts * 0
+
+    settings = {"deeds": {"fix": {"fields": {}, "turns": 1.25}}}
+    with scene(settings=settings, red=1).build(seed=1) as ctx:
+        ctx.game.add(note)
+        for agent in ctx.agent.teams["red"]:
+            agent.register_strategy(fix_at_first)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)
+            found = [event for event in games.result(1).events if event["kind"] == "noted"]
+    assert found == [{"turn": 2, "kind": "noted", "since": 0.0, "time": 1.25}]

@@ -160,9 +160,9 @@ class DeedsInArrays(NamedTuple):
         kind = self.deeds.kind
         return self._those(np.array([not _is_refused(*one, kind, refused) for one in each], np.bool_))
 
-    def without_kinds(self, kinds: Collection[str]) -> DeedsInArrays:
-        """Return the deeds of other kinds."""
-        return self._those(np.full(len(self.turns), self.deeds.kind not in kinds))
+    def without_kinds(self, kinds: Collection[str]) -> DeedsInArrays | None:
+        """Return the deeds of other kinds; None: all are of these."""
+        return None if self.deeds.kind in kinds else self
 
     def without_games(self, games: IntArray) -> DeedsInArrays:
         """Return the deeds of other games."""
@@ -242,8 +242,8 @@ class DeedLog(GameLog[list[DoneDeeds]]):
             for row in _rows_of(self._now) if lasting else ():
                 if row[4] in lasting:
                     self._begun.setdefault(row[0], []).append(row)
-            if self._begun:
-                self._now = [one.without_kinds(lasting) for one in self._now]
+            others = [one.without_kinds(lasting) for one in self._now] if lasting else self._now
+            self._now = [one for one in others if one is not None]
             self.last = [*before, *self._now] if before else self._now
         if self._now:
             self._pending.append(self._now)
