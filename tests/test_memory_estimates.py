@@ -23,8 +23,8 @@ import gamms
 import gamms.osm
 from gamms import experiment
 from gamms.errors import TooLarge
-from gamms.graph.finding import read_gpx
 from gamms.graph.networkx_bridge import Grid
+from gamms.graph.tracks import read_gpx
 from gamms.ir import packing
 from gamms.ir.tables import table_of
 from gamms.limits import MemoryBudget, allowing

@@ -146,7 +146,7 @@ def test_the_command_line_makes_recordings_of_tracks(town, tmp_path, capsys, mon
     (tmp_path / "ride.csv").write_text("t,x,y\n0,385000,6672003\n10,385100,6672003\n", encoding="utf-8")
     out = tmp_path / "ride.ggr"
     assert not convert(out, "--map", tmp_path / "town.gamms", "--turn-seconds", "5")
-    assert "ride: 2 points, on average 3.0 m from their roads; 0 are far from every road." in capsys.readouterr().out
+    assert "ride: 2 points, on average 3.0 m from their roads; outliers: 0." in capsys.readouterr().out
     assert places_of(out, "ride")[:, 0] == pytest.approx([0, 50, 100])
     assert convert(out)
     assert "give --map FILE.gamms" in capsys.readouterr().err

@@ -16,8 +16,9 @@ from gamms.bridge.matching import FixChecks
 from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
-from gamms.bridge.tracks import TrackMatch, recording_from_tracks
+from gamms.bridge.tracks import recording_from_tracks
 from gamms.errors import suggest_names as _suggest_names
+from gamms.graph.tracks import TrackMatch
 
 __all__ = [
     "Clock",

@@ -165,7 +165,7 @@ def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float)
         parts = "" if found.parts == 1 else f" in {found.parts} parts"
         echo(
             f"{printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m from their "
-            f"roads; {found.off_road} are far from every road."
+            f"roads; outliers: {found.off_road}."
         )
     echo(f"Wrote {out if out.suffix == '.ggr' else f'{out}.ggr'}.")
 

@@ -1,7 +1,7 @@
 """The graph engine: nodes, edges and obstacles as columns; range queries, routing, visibility; files and bridges.
 
 Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
-queries fast), `routes.py`, `positions.py`, `finding.py` and `isochrones.py`; for obstacles `obstacles.py`, then
+queries fast), `routes.py`, `positions.py`, `finding.py`, `isochrones.py` and `tracks.py`; for obstacles `obstacles.py`, then
 `visibility.py`.
 May import: typing, kernels, ir and below, never another engine. To add a file format, add a function to `export.py`; to
 add a query, give `IGraph` a slow default and override it in `graph.py`.
@@ -19,6 +19,7 @@ from gamms.typing.memory_engine import StoreType
 
 if _typing.TYPE_CHECKING:
     from gamms.graph.networkx_bridge import grid
+    from gamms.graph.tracks import TrackMatch
 
 SqliteGraph = Graph  # one class for both engines
 _IN_MEMORY = {"MemoryStore", "SqliteStore", "PathLike"}  # 1.0.0 also exports these classes from here
@@ -34,6 +35,7 @@ __all__ = [
     "ObsFace",
     "SqliteGraph",
     "StoreType",
+    "TrackMatch",
     "grid",
 ]
 _list_names(__name__, __all__)
@@ -42,6 +44,8 @@ _list_names(__name__, __all__)
 def __getattr__(name: str) -> _typing.Any:
     if name == "grid":  # imported on first use, because it imports the exporters, too
         return import_module("gamms.graph.networkx_bridge").grid
+    if name == "TrackMatch":
+        return import_module("gamms.graph.tracks").TrackMatch
     if name == "LineString":
         from gamms.ir import geometry
 

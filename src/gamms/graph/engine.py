@@ -1,11 +1,12 @@
 """The graph engine, `ctx.graph`: the graph, its obstacles, files and databases, and visibility tables."""
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_ids, as_known, names_keywords, refuse_call
+from gamms.arguments import as_ids, as_known, as_positive, names_keywords, refuse_call
 from gamms.compat import Surface
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
@@ -13,12 +14,10 @@ from gamms.graph.finding import (
     NamedFeature,
     PolygonContents,
     StreetNames,
-    Track,
     bounds,
     find,
     inside,
     region_of,
-    track_of,
 )
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_corners, checked_faces
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     from gamms.graph.export import Frames
     from gamms.graph.isochrones import Isochrones, Source
     from gamms.graph.map_file import MapDatabase, SavedMap
+    from gamms.graph.tracks import TrackMatch
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
 
@@ -262,25 +262,41 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         return find_isochrones(self.graph, source, limits, weight, width, self.attribution)
 
-    def track(self, path: str | os.PathLike[str], within: float = 50.0) -> Track:
-        """Match a GPX file to the graph, and return its paths.
+    def match_track(self, source: object, *, noise_m: float = 5.0, within_m: float = 50.0) -> "TrackMatch":
+        """Match measured points to the roads as a whole, and return the likeliest route.
 
-        Each point of the tracks and routes is assigned to the nearest edge, and to the nearer end node of this edge.
-        Consecutive points are joined by shortest paths.
+        Points that are nearer than two standard deviations to the last one that counts are skipped. Each track, route
+        and segment of a file is matched by itself.
 
         Args:
-            path: path of the file.
-            within: map units; points farther than this from every edge are ignored.
+            source: path of a GPX or CSV file, with or without times; or points (x, y) or (x, y, t), map units.
+            noise_m: the standard deviation of the errors of positions.
+            within_m: points that are farther from every road do not count.
 
         Returns:
-            The `paths`, as node ids, and the `edges` of the points.
+            The `paths` as node ids, the `edges` and `places` of the points, the `outliers` and `gaps`, and the
+            `length` of the route.
 
         Raises:
             FileNotFoundError: the file does not exist.
-            BadFile (ValueError): the file is not GPX, damaged, or too large.
-            BadValue (ValueError): the graph has no CRS, or a point lies outside its projection.
+            BadFile (ValueError): the file is not GPX or CSV, damaged, or too large.
+            BadType (TypeError): `source` is neither a path nor points.
+            BadValue (ValueError): the graph has no edges or no CRS, a point lies outside its projection, or a number is
+                not positive.
         """
-        return track_of(path, self.graph, self.routes, within)
+        from gamms.graph.tracks import match_track
+
+        noise = as_positive(noise_m, "noise_m")
+        return match_track(source, self.graph, self.routes, self.columns(), noise, as_positive(within_m, "within_m"))
+
+    def track(self, path: str | os.PathLike[str], within: float = 50.0) -> "TrackMatch":
+        """Call `match_track`; deprecated."""
+        warnings.warn(
+            "ctx.graph.track(path, within) is deprecated: use ctx.graph.match_track(path, within_m=within).",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        return self.match_track(path, within_m=within)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

@@ -1,28 +1,19 @@
-"""Find parts of a graph: streets and junctions by name, nodes and edges in a polygon, paths of GPX tracks."""
+"""Find parts of a graph: streets and junctions by name, nodes and edges in a polygon."""
 
 import unicodedata
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
-from datetime import UTC, datetime
 from itertools import islice
-from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
-from xml.parsers import expat
 
 import numpy as np
 
-from gamms.arguments import as_path, as_text
-from gamms.errors import BadFile, BadValue, MissingFile, NoPath, UnknownName
+from gamms.arguments import as_text
+from gamms.errors import BadValue, UnknownName
 from gamms.graph import positions
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.limits import refuse_above
-from gamms.typing.graph_engine import IGraph
-from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from shapely import Polygon
 
 _LONG = 200  # most characters of a searched name
@@ -31,7 +22,6 @@ _MOST_LISTED = 8
 _ONE_JUNCTION = 50.0  # metres: nodes of one junction are at most this far from the next node
 _NEAR = 30.0  # metres: gap between streets that are joined by a piece with no name or another name
 _AT_ONCE = 256  # nodes
-_MOST_LAT = 90.0  # degrees
 
 
 class NamedFeature(NamedTuple):
@@ -249,157 +239,3 @@ def _clusters(xy: FloatArray) -> list[IntArray]:
 def _listed(names: list[Any]) -> str:
     rest = len(names) - _MOST_LISTED
     return ", ".join(map(str, names[:_MOST_LISTED])) + (f" and {rest} more" if rest > 0 else "")
-
-
-# -- tracks of GPX ------------------------------------------------------------------------------------------------
-
-_CHUNK = 1 << 16  # bytes
-# bytes of memory, measured: for each byte of a file that holds only points, and for a point
-_PER_BYTE = 10
-_POINT_BYTES = 240
-_MOST_POINTS = 1_000_000
-_TRACKS = ("trk", "rte")
-_POINTS = ("trkpt", "rtept")
-_PARTS = ("trkseg", "rte")
-_DEEPEST = 100  # most nested elements
-
-
-class Track(NamedTuple):
-    """A GPX track, matched to the graph.
-
-    Attributes:
-        paths: node ids of each part of the track; a new part begins where the file begins one, where points are too far
-            from every edge, and where no path leads on.
-        edges: id of the nearest edge of each point; None for points too far from every edge.
-    """
-
-    paths: list[list[int]]
-    edges: list[int | None]
-
-
-def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -> Track:
-    """Match a GPX file to a graph; see `GraphEngine.track`."""
-    paths: list[list[int]] = []
-    edges: list[int | None] = []
-    for part in read_gpx(as_path(path, "path")):
-        is_new = True
-        lat, lon = part.latlon.T
-        for x, y in zip(*graph.from_latlon(lat=lat, lon=lon), strict=True):
-            near = routes.nearest_edge(x, y, within)
-            edges.append(None if near is None else near.edge_id)
-            if near is None:
-                is_new = True
-                continue
-            edge = graph.get_edge(near.edge_id)
-            node = edge.source if near.offset < edge.length / 2.0 else edge.target
-            if not is_new and node != paths[-1][-1]:
-                try:
-                    paths[-1].extend(graph.shortest_path(paths[-1][-1], node)[1:])
-                except NoPath:
-                    is_new = True
-            if is_new:
-                paths.append([node])
-                is_new = False
-    return Track(paths, edges)
-
-
-class GpxPart(NamedTuple):
-    """A segment or a route of a GPX file.
-
-    Attributes:
-        name: name of the track; empty if it has none.
-        latlon: (points, 2) degrees.
-        times: (points,) seconds since 1970; NaN for points without a time.
-    """
-
-    name: str
-    latlon: FloatArray
-    times: FloatArray
-
-
-def read_gpx(file: "Path") -> list[GpxPart]:
-    """Return all segments and routes of a GPX file that have points.
-
-    Raises:
-        MissingFile (FileNotFoundError): the file does not exist.
-        BadFile (ValueError): the file is not GPX, damaged, or too large.
-    """
-    if not file.is_file():
-        raise MissingFile("a GPX track", file)
-    refuse_above(min(_PER_BYTE * file.stat().st_size, _POINT_BYTES * _MOST_POINTS), f"Reading {str(file)!r}")
-    reader = _GpxReader()
-    try:
-        with file.open("rb") as stream:
-            while chunk := stream.read(_CHUNK):
-                reader.parser.Parse(chunk, False)
-        reader.parser.Parse(b"", True)
-    except (expat.ExpatError, ValueError) as error:
-        raise BadFile(f"{str(file)!r} cannot be used as a GPX file: {error}.") from None
-    rows = [(name, np.array(points, np.float64)) for name, points in reader.parts if points]
-    return [GpxPart("".join(name).strip()[:_LONG], points[:, :2], points[:, 2]) for name, points in rows]
-
-
-class _GpxReader:
-    """Collects the points of a GPX file while it is parsed."""
-
-    def __init__(self) -> None:
-        self.parts: list[tuple[list[str], list[list[float]]]] = [([], [])]  # (name as text pieces, points) of each part
-        self.count = 0
-        self.parser = expat.ParserCreate()
-        self.parser.StartElementHandler = self._start
-        self.parser.EndElementHandler = self._end
-        self.parser.CharacterDataHandler = self._read
-        self.parser.StartDoctypeDeclHandler = self._refuse
-        self._is_first = True
-        self._open: list[str] = []  # names of the enclosing elements
-        self._name: list[str] = []  # of the track
-        self._time: list[str] = []  # of the point
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        name = name.rpartition(":")[2]
-        if self._is_first and name != "gpx":
-            raise ValueError(f"it begins with <{name[:40]}>")
-        self._is_first = False
-        self._open.append(name)
-        if len(self._open) > _DEEPEST:
-            raise ValueError(f"its elements are more than {_DEEPEST} deep")
-        if name in _TRACKS:
-            self._name = []
-        if name in _PARTS:
-            self.parts.append((self._name, []))
-        elif name in _POINTS:
-            place = float(attributes.get("lat", "nan")), float(attributes.get("lon", "nan"))
-            if not (abs(place[0]) <= _MOST_LAT and abs(place[1]) <= 2.0 * _MOST_LAT):
-                raise ValueError(f"a point has no latitude and longitude: {str(attributes)[:80]}")
-            self.parts[-1][1].append([*place, nan])
-            self.count += 1
-            if self.count > _MOST_POINTS:
-                raise ValueError(f"it has more than {_MOST_POINTS:,} points")
-
-    def _end(self, _: str) -> None:
-        if self._open.pop() == "time" and self._open[-1:] and self._open[-1] in _POINTS:
-            with suppress(ValueError):  # a point with an invalid time is kept
-                self.parts[-1][1][-1][2] = seconds_of("".join(self._time).strip())
-        self._time = []
-
-    def _read(self, text: str) -> None:
-        inner = self._open[-2:]
-        if inner[-1:] == ["time"]:
-            self._time.append(text[:_LONG])
-        elif inner[-1:] == ["name"] and inner[0] in _TRACKS and len(self._name) < _LONG:
-            self._name.append(text[:_LONG])
-
-    def _refuse(self, *_: object) -> None:
-        raise ValueError("it declares a document type, which GPX does not allow")
-
-
-def seconds_of(text: str) -> float:
-    """Return a time like 2025-06-15T15:06:40Z as seconds since 1970; a time without a zone is UTC.
-
-    Raises:
-        ValueError: `text` is not a time.
-    """
-    if len(text) > _LONG:
-        raise ValueError(f"{text[:40]!r} is no time")
-    moment = datetime.fromisoformat(text)
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

@@ -253,6 +253,19 @@ class NearLines:
         rows, lines = self._tree.query(near, predicate="dwithin", distance=distance)
         return rows, lines, self._distance(near[rows], self._lines[lines])
 
+    def project(self, points: FloatArray, lines: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the point of each line that is nearest to a point of (points, 2).
+
+        Returns:
+            Their positions as shares of the lengths of lines, from 0 to 1, (points,), and themselves, (points, 2).
+        """
+        import shapely
+
+        chosen = self._lines[lines]
+        shares = shapely.line_locate_point(chosen, self._points(points), normalized=True)
+        found = shapely.get_coordinates(shapely.line_interpolate_point(chosen, shares, normalized=True))
+        return shares, found
+
 
 def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
     """Return the point of a polyline (points, 2) nearest to a place.

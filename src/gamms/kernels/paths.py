@@ -112,7 +112,7 @@ class Search:
         return found
 
     def far(
-        self, roots: IntArray, goals: IntArray, *, most: int = _MANY, is_nearest: bool = False
+        self, roots: IntArray, goals: IntArray, *, most: int = _MANY, within: float = inf, is_nearest: bool = False
     ) -> tuple[FloatArray, int]:
         """Return the distance of goals from the nearest of some roots, (goals,), and the number of visited nodes.
 
@@ -120,11 +120,12 @@ class Search:
             roots: rows of nodes.
             goals: rows of nodes; their distance is infinite if there is no path.
             most: limit of visited nodes; if more are needed, -1 is returned as their number.
+            within: goals at a greater distance are not reached.
             is_nearest: whether only the nearest goals matter, including ties up to rounding; the distances of others
                 may be infinite.
         """
         scratch = self._taken()
-        visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, _NO_FARTHER, is_nearest)
+        visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, within, _NO_FARTHER, is_nearest)
         found = scratch.far[goals]
         self._release(scratch)
         return found, visited
