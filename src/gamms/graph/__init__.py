@@ -1,8 +1,8 @@
 """The graph engine: nodes, edges and obstacles as columns; range queries, routing, visibility; files and bridges.
 
 Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
-queries fast), `routes.py`, `positions.py`, `finding.py`, `isochrones.py` and `tracks.py`; for obstacles `obstacles.py`, then
-`visibility.py`.
+queries fast), `routes.py`, `positions.py`, `finding.py`, `isochrones.py` and `tracks.py`; for obstacles
+`obstacles.py`, then `visibility.py`.
 May import: typing, kernels, ir and below, never another engine. To add a file format, add a function to `export.py`; to
 add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
