@@ -36,6 +36,7 @@ _OUTLIER_STEPS = 10.0  # usual distances between points, of route that a point m
 _MOST_OUTLIERS = 2  # in a row
 _LONGEST_DETOUR_M = 500.0  # beyond the straight line; a longer one is a gap
 _POINTS_AT_ONCE = 1_000
+_ROUNDING = 1e-6  # meters, of equally long routes
 
 
 class TrackMatch(NamedTuple):
@@ -300,7 +301,26 @@ class TrackMatcher:
             costs = [*costs[-_MOST_OUTLIERS:], best + _DETOUR_M * 0.5 * (some.off / self._noise_m) ** 2]
             states.append(state)
         lost = min(range(len(costs)), key=lambda number: costs[-1 - number].min() + number * outlier_m)
-        return _trace_back(candidates, states, len(candidates) - 1 - lost, int(costs[-1 - lost].argmin()))
+        runs = _trace_back(candidates, states, len(candidates) - 1 - lost, int(costs[-1 - lost].argmin()))
+        for run in runs:
+            for at in sorted({1, len(run) - 2}) if len(run) > 2 else ():
+                run[at] = self._move_along_route(run[at - 1], run[at], run[at + 1], candidates[run[at].point])
+        return runs
+
+    def _move_along_route(self, before: _Position, one: _Position, after: _Position, some: _Candidates) -> _Position:
+        """Return the candidate nearest to a point from which the route is as long as from a chosen one.
+
+        Beside the first and last points, where only detours are charged, positions are drawn along the route.
+        """
+        within = float(np.hypot(*(after.xy - before.xy))) + 2.0 * _LONGEST_DETOUR_M
+        start, end = (
+            _Candidates(np.array([end.edge]), np.array([end.offset]), np.array([end.off]), end.xy[None])
+            for end in (before, after)
+        )
+        ways = self._road_distances(start, some, within)[0] + self._road_distances(some, end, within)[:, 0]
+        is_on_route = ways <= ways[some.edges == one.edge] + _ROUNDING
+        best = int(np.where(is_on_route, some.off, inf).argmin())
+        return _position_of(one.point, some, best)
 
     def _road_distances(self, before: _Candidates, after: _Candidates, within: float) -> FloatArray:
         """Return road distances (before, after) between candidates; infinity for those beyond a distance."""
@@ -344,6 +364,10 @@ class TrackMatcher:
                 along.append(along[-1])
                 points.append(stop - 1)
         return TrackPart(nodes, np.array(node_at), points, np.array(along))
+
+
+def _position_of(point: int, some: _Candidates, at: int) -> _Position:
+    return _Position(point, int(some.edges[at]), float(some.offsets[at]), float(some.off[at]), some.xy[at])
 
 
 def _improve(best: FloatArray, state: _States, totals: FloatArray, before: int, *, begins: int) -> None:
