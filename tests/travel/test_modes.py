@@ -6,12 +6,12 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms import strategies
+from gamms import belief, rl, solve, strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import find_usable_edges
 from gamms.rules import Conflicts, at_random, tag
 from gamms.scenario import Scenario, ScenarioError
-from gamms.sensor import agent_range
+from gamms.sensor import agent_range, neighbor
 
 LAWS = settings(
     max_examples=12,
@@ -34,6 +34,7 @@ DECIDING = {
     "exit": lambda ctx: strategies.safest_exit(ctx, [3, 8]),
     "sweep": strategies.sweep,
     "assign": strategies.assign,
+    "believe": strategies.follow_belief,
 }
 UNITS = {"edges": [None, 1.5, 2], "metres": [None, 8.0, 25.0], "one edge": [None]}
 VALUES = [True, False, 0, 30, 0.0, 12.5, None]
@@ -76,7 +77,7 @@ def open_game(edges, agents, unit, *, is_cut, conflicts=None):
             start_node_id=node,
             team="rb"[number % 2],
             strategy=DECIDING[name](ctx),
-            sensors={"eyes": agent_range(range_m=25)},
+            sensors={"eyes": agent_range(range_m=25), "near": neighbor()},
             mode=None if is_cut else "car",
             **({} if speed is None else {"speed": speed}),
         )
@@ -91,8 +92,9 @@ def play(ctx, turns=8):
         for _ in range(turns):
             ctx.game.step()
             for agent in ctx.agent.create_iter():
-                legal = agent.state.get("legal")
-                found.append((agent.name, agent.alive, agent.current_node_id, agent.edge, agent.offset_m, legal))
+                state = agent.state
+                known = state.get("legal"), state.get("sensor")
+                found.append((agent.name, agent.alive, agent.current_node_id, agent.edge, agent.offset_m, known))
         errors = [(one["turn"], one["agent"]) for one in ctx.game.result().errors]
         return found, ctx.game.result().scores, errors
 
@@ -269,3 +271,105 @@ def test_agents_of_a_scenario_start_where_their_mode_can_leave(tmp_path):
 def test_a_scenario_refuses_the_mode_of_a_flying_team():
     with pytest.raises(ScenarioError, match=r"teams\.drones\.mode"):
         Scenario(**{**FLEET, "teams": {"drones": {**FLEET["teams"]["drones"], "mode": "walk"}}})
+
+
+def chase_in(folder, name, **more):
+    """Return a scenario on a map of the folder: a learner and its prey."""
+    sees = {"sensors": {"eyes": {"type": "agent"}, "near": {"type": "neighbor"}}, **more}
+    teams = {
+        "cop": {"agents": [{"name": "cop", "node": 0}], **sees},
+        "prey": {"agents": [{"name": "prey", "node": 8}], **sees},
+    }
+    rules = [{"rule": "tag", "with": {"taggers": "cop", "tagged": "prey", "score": 1, "then": "eliminate"}}]
+    metres = {"settings": {"speed_unit": "metres"}} if more.get("speed") == 15.0 else {}
+    return Scenario(folder=folder, map={"file": name}, max_turns=4, teams=teams, rules=rules, **metres)
+
+
+@pytest.fixture
+def maps_of_cars(tmp_path):
+    """A folder with a map whose edges say where cars may go, and the map with these edges only."""
+    for name in ("whole", "cars"):
+        rng = np.random.default_rng(3)
+        with gamms.create_context() as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, spacing=10.0))
+            for edge in [*ctx.graph.get_edges()]:
+                may_use = bool(rng.random() < 0.75)
+                ctx.graph.update_edge({"id": edge, "car": may_use})
+                if name == "cars" and not may_use:
+                    ctx.graph.remove_edge(edge)
+            ctx.graph.save(tmp_path / f"{name}.gamms")
+    return tmp_path
+
+
+@pytest.mark.parametrize("more", [{}, {"speed": 2.0}, {"speed": 15.0}])
+def test_learners_with_a_mode_observe_and_do_what_those_on_the_map_of_the_mode_do(maps_of_cars, more):
+    pytest.importorskip("gymnasium")
+    played = []
+    for name, mode in (("cars", {}), ("whole", {"mode": "car"})):
+        env = rl.vector_env(
+            chase_in(maps_of_cars, f"{name}.gamms", **mode, **more),
+            team="cop",
+            num_games=6,
+            others={"prey": strategies.random_walk},
+        )
+        observed, infos = env.reset(seed=3)
+        rows = []
+        for turn in range(10):
+            mask = infos["action_mask"]
+            actions = mask.argmax(axis=1) if turn % 2 else mask.shape[1] - 1 - mask[:, ::-1].argmax(axis=1)
+            rows.append((observed["observation"].tolist(), mask.tolist()))
+            observed, rewards, *_, infos = env.step(actions)
+            rows.append(rewards.tolist())
+        env.close()
+        played.append(rows)
+    assert played[0] == played[1]
+
+
+@pytest.mark.parametrize("order", [None, [["cop"], ["prey"]]])
+def test_a_game_of_agents_with_a_mode_has_the_value_of_the_game_on_the_map_of_the_mode(maps_of_cars, order):
+    more = {} if order is None else {"settings": {"order": order}}
+    whole = chase_in(maps_of_cars, "whole.gamms", mode="car").replace(**more)
+    cars = chase_in(maps_of_cars, "cars.gamms").replace(**more)
+    assert solve.solve(whole).value == pytest.approx(solve.solve(cars).value, abs=1e-9)
+
+
+def test_exact_pursuers_refuse_agents_of_several_modes():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "car": edge % 3 > 0})
+        ctx.game.order = [["cop"], ["prey"]]
+        exact = solve.exact_pursuers(ctx)
+        ctx.agent.create_agent("a", start_node_id=0, team="cop", mode="car", strategy=exact)
+        ctx.agent.create_agent("b", start_node_id=8, team="prey", strategy=strategies.random_walk)
+        with pytest.raises(BadValue, match="give all the same mode="):
+            ctx.game.step()
+
+
+def test_what_can_be_believed_of_an_agent_follows_its_mode():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes([0, 1, 2], [0.0, 10.0, 20.0], [0.0, 0.0, 0.0])
+        ways = [(0, 1, True), (1, 0, True), (1, 2, False), (2, 1, True)]
+        for id, (source, target, car) in enumerate(ways):
+            ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": 10.0, "car": car})
+        eyes = ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=1.0)
+        watcher = ctx.agent.create_agent("watcher", start_node_id=0, sensors=["eyes"], team="a")
+        ctx.agent.create_agent(
+            "truck", start_node_id=0, team="b", mode="car", strategy=lambda state: state.update(action=1)
+        )
+        ctx.agent.create_agent("walker", start_node_id=0, team="b", strategy=lambda state: state.update(action=1))
+        known = []
+
+        def watch(state):
+            state["action"] = 0
+            found = belief.observe(ctx, state)
+            chances = found.probabilities(["truck", "walker"]).round(3).tolist()
+            known.append((found.reachable("truck"), found.reachable("walker"), chances))
+
+        watcher.strategy = watch
+        for _ in range(3):
+            ctx.game.step()
+        assert eyes.type.name == "AGENT_RANGE"
+        assert known[2][0] == {1}
+        assert known[2][1] == {1, 2}
+        assert known[2][2][0][2] == 0.0 < known[2][2][1][2]

@@ -16,7 +16,7 @@ from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat, speed_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.schema import NUMBERS, SETTABLE, Column
-from gamms.readonly import ReadOnlyMapping
+from gamms.readonly import ReadOnly, ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import (
@@ -67,7 +67,7 @@ class _Mode:
         return self if agent is None else agent._block.modes[agent._row]
 
     def __set__(self, agent: "Agent", value: object) -> None:
-        raise AttributeError(
+        raise ReadOnly(
             "agent.mode cannot be set: it is fixed when the agent is created. Give create_agent mode=, and create "
             "several agents for several modes."
         )

@@ -31,6 +31,7 @@ from gamms.belief.reach import ReachBounds
 from gamms.context import Context
 from gamms.core import belief as core
 from gamms.errors import TooLarge
+from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IAgent
@@ -152,19 +153,23 @@ class Belief:
         turns = game.turn_seconds if game is not None and game.speed_unit == "metres_per_second" else 1.0
         found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size), bool)
         # An agent without a speed moves along one edge of any length, even if other agents use metres.
-        for has_pace in (False, True):
-            lines = [line for line, pace in enumerate(paces) if (pace is not None) is has_pace]
-            if lines:
-                names = tuple(targets[line] for line in lines)
-                speeds = [(paces[line] or 0.0) * turns for line in lines]
-                labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
-                found[lines] = labels > -np.inf
+        kinds = [(pace is not None, _mode_of(agent)) for agent, pace in zip(agents, paces, strict=True)]
+        for has_pace, mode in dict.fromkeys(kinds):
+            lines = [line for line, kind in enumerate(kinds) if kind == (has_pace, mode)]
+            names = tuple(targets[line] for line in lines)
+            speeds = [(paces[line] or 0.0) * turns for line in lines]
+            labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), mode, has_pace and in_metres)
+            found[lines] = labels > -np.inf
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
-    def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
+    def _map_of(self, mode: str | None) -> BeliefMap:
+        """Return the map of the edges that targets of a mode may use."""
+        return belief_map_of(graph_of(self._ctx, mode).columns())
+
+    def _reached(self, targets: tuple[str, ...], speeds: list[float], mode: str | None, in_metres: bool) -> FloatArray:
         """Return labels (targets, nodes) of the nodes that targets can have reached; see `ReachBounds`."""
-        ground = belief_map_of(self._ctx.graph.columns())
+        ground = self._map_of(mode)
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
         # An agent without a speed moves along a whole edge per turn, and is between nodes only within a turn.
@@ -204,14 +209,14 @@ class Belief:
         """Return `probability` of several targets, (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
         model = random_walk() if motion is None else as_motion(motion, "motion")
-        paces = [self._metres_of(agent) for agent in agents]
-        if len(set(paces)) == 1:
-            found = self._filtered(tuple(targets), model, paces[0])
+        kinds = [(self._metres_of(agent), _mode_of(agent)) for agent in agents]
+        if len(set(kinds)) == 1:
+            found = self._filtered(tuple(targets), model, *kinds[0])
         else:
             found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size))
-            for pace in dict.fromkeys(paces):
-                lines = [line for line, one in enumerate(paces) if one == pace]
-                found[lines] = self._filtered(tuple(targets[line] for line in lines), model, pace)
+            for kind in dict.fromkeys(kinds):
+                lines = [line for line, one in enumerate(kinds) if one == kind]
+                found[lines] = self._filtered(tuple(targets[line] for line in lines), model, *kind)
         found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
         return found
 
@@ -222,9 +227,9 @@ class Belief:
             return None
         return float(speed) * (self._ctx.game.turn_seconds if self._ctx.game.speed_unit == "metres_per_second" else 1.0)
 
-    def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None) -> FloatArray:
-        """Return the probability of each node (targets, nodes), for targets of equal speed."""
-        ground = belief_map_of(self._ctx.graph.columns())
+    def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None, mode: str | None) -> FloatArray:
+        """Return the probability of each node (targets, nodes), for targets of equal speed and mode."""
+        ground = self._map_of(mode)
         chain = chain_of(model, ground, metres)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
@@ -274,6 +279,11 @@ class Belief:
             kept.popitem(last=False)
         self._now[digests[-1]] = value
         return value
+
+
+def _mode_of(agent: IAgent) -> str | None:
+    """Return the mode of an agent, by which it may use edges; None: all edges."""
+    return getattr(agent, "mode", None)
 
 
 def _observed(

@@ -22,7 +22,7 @@ cdef class VisibleAgents:
 cdef class Observers:
     cdef i64 agents
     cdef bint are_by_node
-    cdef const i64[::1] games, rows, choice, first_node, first_road, turn
+    cdef const i64[::1] games, rows, choice, first_node, first_road, mode_first, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
     cdef VisibleAgents seen
@@ -112,7 +112,7 @@ cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(choice=i64)
 cdef i64 count_legal(Observers o, i64 game, i64 agent) except -1 nogil
-@cython.locals(row=i64, base=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
+@cython.locals(row=i64, base=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, roads=i64, is_timed=bint)
 cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game, i64 agent) except -1 nogil
 cdef int begin_looks(Observers o, i64 game) except -1 nogil
 @cython.locals(row=i64, base=i64, pair=i64, at=i64, viewer=i64, other=i64, place=i64)

@@ -84,6 +84,7 @@ class Observers:
         first_node: (all games,) the first node of the map of each game, among the nodes of several maps; `choice` and
             the positions of nodes are numbered by these.
         first_road: (all games,) the place of the first node of the roads of each game, see `routes.NearbyDistances`.
+        mode_first: (agents,) what is added to `first_road` for the roads that each observer may use.
         turn: (all games,) the number of turns played.
         seen: the visible agents.
     """
@@ -100,6 +101,7 @@ class Observers:
         *,
         first_node: memoryview[int],
         first_road: memoryview[int],
+        mode_first: memoryview[int],
         turn: memoryview[int],
         seen: VisibleAgents,
     ) -> None:
@@ -113,6 +115,7 @@ class Observers:
         self.targets = targets
         self.first_node = first_node
         self.first_road = first_road
+        self.mode_first = mode_first
         self.turn = turn
         self.seen = seen
 
@@ -481,6 +484,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
         v.values[entry] = 0.0
     at += (v.actions - count) * OF_ACTION
     count = 0
+    roads = o.first_road[o.games[game]] + o.mode_first[agent]
     if v.others > 0:
         look(o, found, game, agent)
         count = _choose_nearest(v, found, own_x, own_y)
@@ -491,7 +495,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
         v.values[at + 1] = found.mates[other]
         v.values[at + 2] = v.places[2 * node] - own_x
         v.values[at + 3] = v.places[2 * node + 1] - own_y
-        v.values[at + 4] = find_road(found, found.ways, o.first_road[o.games[game]], here, node)  # type: ignore[arg-type]
+        v.values[at + 4] = find_road(found, found.ways, roads, here, node)  # type: ignore[arg-type]
         at += OF_OTHER
     is_timed = last > row * v.entries + OWN + v.actions * OF_ACTION + v.others * OF_OTHER
     for entry in range(at, last):

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.context import Context
+from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import State
@@ -83,7 +84,7 @@ class HiddenPositions:
         if seen is None or not self._ctx.graph.graph.has_node(seen.node):
             return int(self._node_ids[kernels.below(kernels.draw_bits(key, name, 0), len(self._node_ids))])
         node = seen.node
-        near = self._ctx.graph.graph.neighborhoods
+        near = graph_of(self._ctx, getattr(mate, "mode", None)).neighborhoods
         for step in range(min(self._turn - seen.turn, _MOST_STEPS)):
             ways: Sequence[int] = near[node]
             node = ways[kernels.below(kernels.draw_bits(key, name, 0, step), len(ways))]

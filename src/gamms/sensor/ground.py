@@ -263,27 +263,38 @@ class NeighborSensor(Sensor):
         self._last[0] = []
         self._neighborhoods = ctx.graph.graph.neighborhoods
 
+    def _mode(self) -> str | None:
+        """Return the mode of the agent that carries the sensor: only edges that it may use lead to neighbors."""
+        owner = self.ctx.agent.agents.get(self._owner) if isinstance(self._owner, str) else None
+        return getattr(owner, "mode", None)
+
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
         nodes = as_node_ids(node_ids, "node_ids", self.ctx.graph)
-        graph = self.ctx.graph
-        offsets, targets = graph.routes.neighborhoods()
-        places, ends = kernels.chosen_runs(offsets, graph.routes.rows(nodes))
-        return LookResults(ends, graph.columns().node_ids[targets[places]])
+        mode = self._mode()
+        routes = self.ctx.graph.routes if mode is None else self.ctx.graph.routes.select_mode(mode).routes
+        offsets, targets = routes.neighborhoods()
+        places, ends = kernels.chosen_runs(offsets, routes.rows(nodes))
+        return LookResults(ends, self.ctx.graph.columns().node_ids[targets[places]])
 
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:
         """The neighborhoods of the graph, which a look only copies to `data` (used by agents)."""
-        return self._neighborhoods
+        mode = self._mode()
+        if mode is None:
+            return self._neighborhoods
+        found: Mapping[int, Sequence[int]] = self.ctx.graph.routes.select_mode(mode).neighborhoods
+        return found
 
     def sense(self, node_id: int) -> None:
         """Sense the neighbors of a node."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
+        near = self.neighborhoods
         try:
-            self._last[0] = [*self._neighborhoods[node_id]]
+            self._last[0] = [*near[node_id]]
         except TypeError:  # not hashable, or no id
-            self._last[0] = [*self._neighborhoods[as_node_id(node_id, "The id of a node", self.ctx.graph)]]
+            self._last[0] = [*near[as_node_id(node_id, "The id of a node", self.ctx.graph)]]
 
     @of_data
     def last_view(self) -> SensorView:

@@ -21,6 +21,7 @@ from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import Game
 from gamms.game.array_functions.declarations import array_strategy
 from gamms.game.array_functions.view import ArrayView
+from gamms.game.block.columns import mode_of
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids, labels
 from gamms.ir.obstacles import BoolArray
@@ -459,6 +460,8 @@ def _decide_exactly(
 ) -> IntArray:
     """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
     pursuers, _ = _sides_of(view, side)
+    if len({mode_of(agent) for agent in view.roster.agents}) > 1:
+        raise BadValue("Exact play of a pursuit needs agents that may use the same edges: give all the same mode=.")
     columns = view.streets.columns
     is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
     first = side if is_first else 1 - side
@@ -857,7 +860,7 @@ def _has_usual_agents(game: Game, teams: tuple[Any, Any]) -> bool:
     agents = game.agents
     sizes = [sum(one.team == team for one in agents) for team in teams]
     is_whole = sum(sizes) == len(agents) == len(game.ctx.agent.agents) and not game.scores
-    is_slow = all(one.speed in (None, 1) for one in agents)
+    is_slow = all(one.speed in (None, 1) and getattr(one, "mode", None) is None for one in agents)
     return is_usual and is_whole and is_slow and sizes[PURSUERS] > 0 and sizes[EVADER] == 1
 
 

@@ -18,7 +18,7 @@ from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.batch import Batch, find_winners, load_columns, step_with
-from gamms.game.block.columns import AgentTable, roster_of
+from gamms.game.block.columns import AgentTable, mode_of, roster_of
 from gamms.game.block.state import Columns
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.hidden_state import HiddenState
@@ -329,7 +329,7 @@ def _find_interchangeable(ctx: Context, setup: GameSetup) -> list[IntArray]:
     goes_back = any(part.then != "eliminate" for part in parts)
     groups: dict[tuple[Any, ...], list[int]] = {}
     for number, agent in enumerate(AgentTable.of(game.agents).agents):
-        key = agent.team, agent.speed, agent.current_node_id if goes_back else None
+        key = agent.team, agent.speed, mode_of(agent), agent.current_node_id if goes_back else None
         groups.setdefault(key, []).append(number)
     return [np.array(group) for group in groups.values() if len(group) > 1]
 

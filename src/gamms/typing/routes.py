@@ -15,7 +15,7 @@ from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_id, find_usable_edges, forbidden_paths
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, as_node_id, find_usable_edges, forbidden_paths
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import locked
 from gamms.text import shown
@@ -625,7 +625,7 @@ class RouteQueries:
         found = self._routes.neighborhoods()
         return self._locked(("neighborhoods",), lambda: (locked(found[0]), locked(found[1])))
 
-    def select_mode(self, mode: str) -> Any:  # Any: an `IGraph`, as above
+    def select_mode(self, mode: str | Mapping[str, str]) -> Any:  # Any: an `IGraph`, as above
         """Return the graph of a mode: all nodes, and the edges that agents of the mode may use.
 
         It is for reading, and has the neighbors, paths and distances of these agents. Closed roads are missing, as in
@@ -637,9 +637,12 @@ class RouteQueries:
 
         Raises:
             UnknownName (KeyError): no edge has this attribute.
-            BadValue: the attribute has other values.
+            BadType, BadValue: the mode is no name, or the attribute has other values.
         """
-        return self._routes.select_mode(mode)
+        name = as_mode(mode)
+        if name is None:
+            raise BadType("select_mode needs the name of a mode; without a mode, the graph is ctx.graph.graph.")
+        return self._routes.select_mode(name)
 
     def rows(self, nodes: NodeIds) -> IntArray:
         """Return the rows of nodes.

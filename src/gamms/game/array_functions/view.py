@@ -502,7 +502,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
         games = flat(self.games, np.int64), flat(rows, np.int64)
-        of_maps = self._state.no_node, self._road_distances().first
+        of_maps = self._state.no_node, self._road_distances().first, self._mode_first()
         return self._made_observers(mask, games, (choice, offsets, targets), (search, *pairs), of_maps)
 
     def _made_observers(
@@ -511,7 +511,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         games: tuple[Any, Any],
         legal: tuple[Any, Any, Any],
         seen: tuple[Any, ...],
-        first: tuple[IntArray, IntArray],
+        first: tuple[IntArray, IntArray, IntArray],
     ) -> observe.Observers:
         """Return the agents of the view in the form of the core; see `observe.Observers`.
 
@@ -520,7 +520,8 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             games: the numbers of the games, and the first row of each.
             legal: the legal nodes.
             seen: the search for visible agents, or the pairs of agents.
-            first: (all games,) the first node of the map of each game, and of its roads in the tables of distances.
+            first: (all games,) the first node of the map of each game, and of its roads in the tables of distances;
+                (agents,) what is added for the roads that each agent may use.
         """
         roster = self.roster
         state = self._state
@@ -540,9 +541,18 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             *legal,
             first_node=first[0].data,
             first_road=first[1].data,
+            mode_first=flat(first[2], np.int64),
             turn=flat(state.turn, np.int64),
             seen=visible,
         )
+
+    def _mode_first(self) -> IntArray:
+        """Return what is added to the first road of a game for the roads that each agent may use, (agents,)."""
+        movement = self._state.movement
+        if not movement.modes:
+            return np.zeros(len(self.agents), np.int64)
+        found: IntArray = movement.mode_of[self.agents] * self._state.roads.tables.stride
+        return found
 
     @property
     def _has_plain_looks(self) -> bool:
@@ -956,7 +966,7 @@ def writer_of(
     games = np.arange(len(maps))
     numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
     observers = own._made_observers(
-        turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games))
+        turn.alive, numbers, (_NO_CHOICES, *legal), seen, (first_node, np.zeros_like(games), np.zeros_like(agents))
     )
     encoder = Encoder(xy, len(own.roster.names), others or 0, width_in(own))
     ways = None

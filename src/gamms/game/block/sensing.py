@@ -331,9 +331,10 @@ def _nodes_shown(
         noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
         return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
     sensor = sensors_of(agent)[name]
-    if sensor.type is SensorType.NEIGHBOR and state.roads.are_closed:
+    if sensor.type is SensorType.NEIGHBOR and state.roads.differ:
         tables = state.roads.tables
-        entries, ends = kernels.chosen_runs(tables.offsets, tables.first[games[at]] + node[at])
+        first = tables.first[games[at]] + state.movement.mode_first(number, tables)
+        entries, ends = kernels.chosen_runs(tables.offsets, first + node[at])
         return np.repeat(at, np.diff(ends)), tables.targets[entries]
     if not sensor.sees_world_only:
         raise BadValue(

@@ -247,6 +247,10 @@ class Movement:
         """Return the numbers of the modes of agents, each once; none in games without modes."""
         return np.unique(self.mode_of[agents]) if self.modes else np.zeros(0, np.int64)
 
+    def mode_first(self, agent: int, tables: RoadTables) -> int:
+        """Return what is added to `tables.first` for the edges that an agent may use, by its number."""
+        return int(self.mode_of[agent]) * tables.stride if self.modes else 0
+
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Reset the covered parts of edges."""
         if self.depends_on_speeds:
@@ -365,6 +369,10 @@ class Movement:
         """Return the maximum number of legal nodes; above the limit, any number above it."""
         if self.are_all_legal:
             return self.streets.num_nodes
+        if self.modes and self.roads is not None:
+            maps = [self.all_roads.for_mode(None, mode) for mode in np.unique(self.mode_of).tolist()]
+            each = [self.at_start() if one is None else self.on(one) for one in maps]
+            return max(one.most_legal(limit) for one in each)
         if not self.depends_on_speeds:
             return int(self.streets.counts.max(initial=1))
         most = 1
