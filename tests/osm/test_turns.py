@@ -327,3 +327,21 @@ def test_a_graph_of_several_modes_has_the_turns_of_each(signed, tolerance):
     assert far[both, "drive"] != far[both, "bike"]
     with pytest.raises(BadValue, match="several modes"):
         both.graph.distance(0, 1, turns=True)
+
+
+def test_games_refuse_agents_that_are_to_obey_turns(signed):
+    path = signed(CROSSING, ARMS, sign("no_left_turn", [100], [2], [102]))
+    ctx = loaded(graph_from_file(path, NO_CUT, osm_type=["walk", "drive"]))
+    assert ctx.agent.create_agent("walker", start_node_id=0, mode="walk").mode == "walk"
+    with pytest.raises(BadValue, match="do not obey turn restrictions"):
+        ctx.agent.create_agent("car", start_node_id=0, mode={"attribute": "drive", "turns": True})
+
+
+def test_a_mode_turns_back_where_only_other_modes_go_on(signed):
+    ways = [*ARMS, ([3, 6], {"highway": "footway"})]
+    path = signed(CROSSING | {6: (60.17, 24.946)}, ways, sign("no_left_turn", [100], [2], [102]))
+    ctx = loaded(graph_from_file(path, NO_CUT, osm_type=["walk", "drive"]))
+    at = {place: ctx.graph.nearest_node(lat=lat, lon=lon) for place, (lat, lon) in CROSSING.items()}
+    assert ctx.graph.shortest_path(at[1], at[4], turns="drive") == [at[place] for place in (1, 2, 3, 2, 4)]
+    driven = ctx.graph.routes.select_mode("drive")
+    assert driven.shortest_path(at[1], at[4], turns="drive") == [at[place] for place in (1, 2, 3, 2, 4)]

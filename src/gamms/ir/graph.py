@@ -281,7 +281,13 @@ def as_mode(value: object) -> str | None:
 
     Raises:
         BadType: the value has another form.
+        BadValue: it asks for turn restrictions, which games do not know.
     """
+    if isinstance(value, Mapping) and "turns" in value:
+        raise BadValue(
+            "mode= takes no 'turns': agents do not obey turn restrictions in games. Let a strategy follow a route that "
+            "does, such as ctx.graph.shortest_path(a, b, turns='drive')."
+        )
     name = value["attribute"] if isinstance(value, Mapping) and [*value] == ["attribute"] else value
     if name is None or isinstance(name, str):
         return name
