@@ -53,10 +53,10 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
 from gamms.osm.objects import number_of, plain_tags
-from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
+from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.speeds import speed_kph
 from gamms.osm.topology import chains_of, consolidate, degrees, simplify
-from gamms.osm.turns import RestrictionCounts
+from gamms.osm.turns import RestrictionCounts, count_restrictions
 from gamms.progress import progress
 from gamms.text import printable_line, shown
 from gamms.typing import IGraphEngine
@@ -465,7 +465,7 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         for one in parts:
             open_ways = read_ways(as_file(source), show, one.rule, areas=one.areas, keys=one.keys)
             is_open |= {*_pieces_of_ways(open_ways)}
-        signs = max(count_turn_restrictions(as_file(source), one.vehicles) for one in parts)
+        signs = max(count_restrictions(ways.signs, one.vehicles) for one in parts)
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     known = np.ones(len(pieces.lonlat), np.bool_)

@@ -79,8 +79,9 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
-from gamms.osm.osmium_reader import as_file, read_restrictions, read_ways
+from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.topology import resample
+from gamms.osm.turns import restrictions_of
 from gamms.progress import Show, progress
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -617,7 +618,7 @@ def _read_with_squares(
         keys=selection.keys,
     )
     if selection.vehicles:
-        ways = replace(ways, restrictions=read_restrictions(file, {selection.mode: selection.vehicles}))
+        ways = replace(ways, restrictions=restrictions_of(ways.signs, {selection.mode: selection.vehicles}))
     ways = with_stated_times(ways)
     return with_ways_across(ways if buildings is None else replace(ways, buildings=buildings))
 

@@ -26,7 +26,7 @@ from gamms.osm.objects import (
     words_of,
 )
 from gamms.osm.speeds import CARS, has_special_signs, sign_in_force, unread_signs
-from gamms.osm.turns import ForbiddenTurns, RoadPieces, TurnRestriction, choose, renumber, turns_of_edges
+from gamms.osm.turns import ForbiddenTurns, RoadPieces, TurnRelation, TurnRestriction, choose, renumber, turns_of_edges
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -123,7 +123,8 @@ class OsmRoads:
     barriers: Collection[int] = ()  # ids of nodes that no agent can pass
     buildings: BuildingIndex | None = None  # of the map; None: unknown
     ids: Sequence[int] = ()  # (ways,)  OpenStreetMap way ids, if known; equal for the pieces of one way
-    restrictions: Mapping[str, Sequence[TurnRestriction]] = field(default_factory=dict)  # by mode of travel
+    signs: Sequence[TurnRelation] = ()  # the turn restrictions of the map
+    restrictions: Mapping[str, Sequence[TurnRestriction]] = field(default_factory=dict)  # that hold, by mode of travel
     without_nodes: int = 0  # the number of ways that are left out, because they have fewer than two nodes
 
 

@@ -48,7 +48,7 @@ from gamms.osm.objects import (
     nodes_at_two_places,
 )
 from gamms.osm.survey import CHUNK, pbf_has_repeats, rewritten_xml, survey_xml, unpacked_size_of_pbf
-from gamms.osm.turns import RestrictionCounts, TurnRestriction, count_restrictions, is_restriction, restrictions_of
+from gamms.osm.turns import TurnRelation, is_restriction
 from gamms.plugins import needing
 from gamms.progress import Show
 from gamms.text import shown
@@ -417,7 +417,9 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
                 continue
             given = {tag.k: tag.v for tag in one.tags}
             if one.is_relation():
-                relations.add(cast("osm.Relation", one), given)
+                if "highway" in given or is_restriction(given):
+                    lines.allowance.charge(_BYTES_PER_CORNER * len(cast("osm.Relation", one).members))
+                    relations.add(cast("osm.Relation", one), given)
                 continue
             if one.is_node():
                 lines.allowance.charge(_BYTES_PER_POINT)
@@ -451,52 +453,9 @@ def read_ways(  # noqa: PLR0913 # the options of a selection of roads
         buildings=BuildingIndex(lambda: _read_buildings(source, part)) if around_buildings else None,
         ids=lines.ids.tolist(),
         without_nodes=lines.rules.without_nodes,
+        signs=relations.restrictions(),
     )
     return with_areas(ways, lines.rows_of, squares) if areas else ways
-
-
-def read_restrictions(file: Path, vehicles: Mapping[str, Sequence[str]]) -> dict[str, list[TurnRestriction]]:
-    """Return mode of travel -> the turn restrictions of a map file that hold for it.
-
-    Args:
-        file: the map file.
-        vehicles: mode of travel -> its names in turn restrictions.
-
-    Raises:
-        BadFile, MissingExtra: see `count_turn_restrictions`.
-    """
-    source = MapSource(file)
-    with _errors_of(file):
-        return restrictions_of(_turn_relations(source), vehicles)
-
-
-def count_turn_restrictions(file: Path, vehicles: Sequence[str]) -> RestrictionCounts:
-    """Return the numbers of turn restrictions in a map file, by what they mean for a mode of travel.
-
-    Args:
-        file: the map file.
-        vehicles: the names of the mode in turn restrictions.
-
-    Raises:
-        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
-        MissingExtra: osmium is not installed.
-    """
-    source = MapSource(file)
-    with _errors_of(file):
-        return count_restrictions(_turn_relations(source), vehicles)
-
-
-def _turn_relations(source: MapSource) -> list[tuple[dict[str, str], list[Member]]]:
-    """Read the tags and members of the turn restrictions of a map, each once."""
-    from osmium import FileProcessor, osm
-    from osmium.filter import KeyFilter
-
-    relations = _Relations()
-    for relation in source.counting(FileProcessor(source.opened, osm.RELATION).with_filter(KeyFilter("type"))):
-        tags = {tag.k: tag.v for tag in relation.tags}
-        if is_restriction(tags):
-            relations.add(cast("osm.Relation", relation), tags)
-    return relations.contents()
 
 
 class _Relations:
@@ -516,9 +475,9 @@ class _Relations:
         check_members(relation.id, members, self._members.setdefault(relation.id, members))
         self._tags.setdefault(relation.id, tags)
 
-    def contents(self) -> list[tuple[dict[str, str], list[Member]]]:
-        """Return the tags and members of all relations."""
-        return [(tags, self._members[id]) for id, tags in self._tags.items()]
+    def restrictions(self) -> list[TurnRelation]:
+        """Return the tags and members of the turn restrictions."""
+        return [(tags, self._members[id]) for id, tags in self._tags.items() if is_restriction(tags)]
 
     def with_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
         """Yield the ids and tags of relations, and the ids of the ways around them."""
@@ -533,19 +492,18 @@ def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
 
 
 def _roads(source: MapSource, keys: Sequence[str], tags: Sequence[str], *, has_places: bool) -> Iterator[_MapObject]:
-    """Read the ways with one of these keys, relations with a `highway`, and nodes with it or one of these tags."""
+    """Read the ways with one of these keys, typed relations, and the nodes with a `highway` or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
 
     ways = KeyFilter(*keys)
-    squares = KeyFilter("highway")
     nodes = KeyFilter(*node_keys(tags))
     ways.enable_for(osm.WAY)
-    squares.enable_for(osm.RELATION)
     nodes.enable_for(osm.NODE)
+    relations.enable_for(osm.RELATION)
     objects = FileProcessor(source.opened, osm.NODE | osm.WAY | osm.RELATION)
     objects = _with_places(objects, source) if has_places else objects
-    return source.counting(objects.with_filter(ways).with_filter(squares).with_filter(nodes))
+    return source.counting(objects.with_filter(ways).with_filter(nodes).with_filter(relations))
 
 
 def _with_places(objects: "FileProcessor", source: MapSource) -> "FileProcessor":

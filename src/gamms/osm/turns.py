@@ -110,12 +110,12 @@ def _restriction_of(signs: Sequence[str], members: Sequence[Member]) -> TurnRest
     return TurnRestriction(sign.startswith("only_"), sign.endswith("_u_turn"), ways["from"], through, ways["to"])
 
 
-Relation = tuple[Mapping[str, str], Sequence[Member]]
-"""The tags and the members of a relation."""
+TurnRelation = tuple[Mapping[str, str], Sequence[Member]]
+"""The tags and the members of a turn restriction."""
 
 
 def restrictions_of(
-    relations: Sequence[Relation], vehicles: Mapping[str, Sequence[str]]
+    relations: Sequence[TurnRelation], vehicles: Mapping[str, Sequence[str]]
 ) -> dict[str, list[TurnRestriction]]:
     """Return mode of travel -> the restrictions that hold for it; `vehicles` has the names of each mode."""
     found: dict[str, list[TurnRestriction]] = {}
@@ -125,7 +125,7 @@ def restrictions_of(
     return found
 
 
-def count_restrictions(relations: Iterable[Relation], vehicles: Sequence[str]) -> RestrictionCounts:
+def count_restrictions(relations: Iterable[TurnRelation], vehicles: Sequence[str]) -> RestrictionCounts:
     """Return the numbers of restrictions, by what they mean for a mode with these names."""
     read = (read_restriction(tags, members, vehicles) for tags, members in relations)
     counts = Counter("held" if isinstance(one, TurnRestriction) else one for one in read)
