@@ -345,3 +345,20 @@ def test_a_mode_turns_back_where_only_other_modes_go_on(signed):
     assert ctx.graph.shortest_path(at[1], at[4], turns="drive") == [at[place] for place in (1, 2, 3, 2, 4)]
     driven = ctx.graph.routes.select_mode("drive")
     assert driven.shortest_path(at[1], at[4], turns="drive") == [at[place] for place in (1, 2, 3, 2, 4)]
+
+
+def test_a_sign_with_very_many_members_is_unclear(signed):
+    path = signed(CROSSING, ARMS, sign("no_exit", [100], [2], [101] * 100))
+    assert turns(path) == set()
+    assert report(graph_from_file(path, osm_type="drive"), path).turn_restrictions_ignored == 1
+
+
+def test_very_many_ways_between_are_taken_in_their_order(signed):
+    places = {id: (60.17, 24.94 + id * 0.001) for id in range(1, 12)}
+    line = [([id, id + 1], STREET) for id in range(1, 11)]
+    arms = [([id, id + 20], STREET) for id in range(2, 11)]
+    places |= {id + 20: (60.171, 24.94 + id * 0.001) for id in range(2, 11)}
+    path = signed(places, [*line, *arms], sign("no_straight_on", [100], [*range(101, 109)], [109]))
+    assert turns(path) == {tuple(range(1, 12))}
+    path = signed(places, [*line, *arms], sign("no_straight_on", [100], [*range(108, 100, -1)], [109]))
+    assert turns(path) == set()

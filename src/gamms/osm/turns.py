@@ -27,6 +27,8 @@ CONDITIONAL = "conditional"  # holds at some times only
 OTHERS = "others"  # holds for other vehicles only
 UNCLEAR = "unclear"  # the sign or the members are not understood
 _PERIODS = frozenset(("day_on", "day_off", "hour_on", "hour_off"))  # keys of an old way to say when
+_MOST_MEMBERS = 100  # of a restriction; real ones have a few
+_MOST_IN_ANY_ORDER = 6  # ways between
 _AT_SIGNALS = "_on_red"  # end of signs that hold while a signal is red
 
 
@@ -104,7 +106,7 @@ def _restriction_of(signs: Sequence[str], members: Sequence[Member]) -> TurnRest
     sign = next(known, "")
     ways = {role: tuple(ref for kind, ref, of in members if kind[0] == "w" and of == role) for role in ("from", "to")}
     through = tuple((kind[0], ref) for kind, ref, role in members if role == "via" and kind[0] in "nw")
-    is_clear = bool(sign and ways["from"] and ways["to"] and through)
+    is_clear = bool(len(members) <= _MOST_MEMBERS and sign and ways["from"] and ways["to"] and through)
     if not is_clear or (len(through) > 1 and any(kind == "n" for kind, _ in through)):
         return UNCLEAR
     return TurnRestriction(sign.startswith("only_"), sign.endswith("_u_turn"), ways["from"], through, ways["to"])
@@ -215,10 +217,13 @@ class RoadPieces:
                     yield found
 
     def _chain(self, begin: int, ways: list[int]) -> "Iterator[_WayThrough]":
-        """Yield the paths from a node along all of these ways, each once, in the order in which they join."""
+        """Yield the paths from a node along all of these ways, each once.
+
+        They may be listed in any order; of many, the first ones join as they are listed, because orders are many more.
+        """
         if not ways:
             yield _WayThrough(begin, begin, ())
-        for way in ways:
+        for way in ways if len(ways) <= _MOST_IN_ANY_ORDER else ways[:1]:
             rest = [other for other in ways if other != way]
             ends = self._nodes(way)
             if begin not in ends:

@@ -21,6 +21,7 @@ from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 
+_EVERY = 1 << 62  # vertices: more than any graph has
 _FARTHEST = 1e150  # largest coordinate; the squares of greater distances overflow
 RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 MadeT = TypeVar("MadeT")
@@ -300,7 +301,7 @@ class TurnRoutes:
             end: the last node.
             driven: rows of the edges on which traffic has come to the first node; empty: it begins there.
         """
-        found = self._search(reverse=True).path(self._vertex(row, driven), self._end + end, len(self._arcs[0]), inf)
+        found = self._search(reverse=True).path(self._vertex(row, driven), self._end + end, _EVERY, inf)
         return self._edges[found.rows[1:-1]].tolist() if found.rows else None
 
     def distance(self, row: int, end: int) -> float:
