@@ -527,12 +527,13 @@ class RouteQueries:
     def _turn_routes(self, weight: str | None, turns: str | bool) -> TurnRoutes:
         """Return the routes of traffic that obeys turn restrictions; see `shortest_path_edges`."""
         columns = self._columns()
-        mode = _mode_of_turns(columns, turns)
+        paths = made_last(self, "forbidden turns", None, lambda: forbidden_paths(columns))
+        mode = _mode_of_turns(columns, paths, turns)
 
         def make() -> TurnRoutes:
             every = np.ones(len(columns.edge_ids), np.bool_)
             is_open = find_usable_edges(columns, mode) if mode in columns.edge_attributes else every
-            return TurnRoutes(columns, self.weights(weight), is_open, forbidden_paths(columns).get(mode, []))
+            return TurnRoutes(columns, self.weights(weight), is_open, paths.get(mode, []))
 
         return made_last(self, ("turns", weight), mode, make)
 
@@ -704,15 +705,19 @@ class RouteQueries:
         return self._tree[1]
 
 
-def _mode_of_turns(columns: GraphColumns, turns: str | bool) -> str:
+def _mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turns: str | bool) -> str:
     """Return the mode of travel whose turn restrictions hold; "" if the map has none.
+
+    Args:
+        columns: the graph.
+        known: the modes with forbidden turns.
+        turns: the argument of the caller.
 
     Raises:
         BadType: it is neither a name nor True.
         BadValue: True, and the map has several modes.
         UnknownName: the map has restrictions for other modes only, and no edge attribute of this name.
     """
-    known = forbidden_paths(columns)
     if turns is True:
         if len(known) > 1:
             raise BadValue(f"The map has turn restrictions of several modes: name one, such as turns={min(known)!r}.")
