@@ -362,3 +362,20 @@ def test_very_many_ways_between_are_taken_in_their_order(signed):
     assert turns(path) == {tuple(range(1, 12))}
     path = signed(places, [*line, *arms], sign("no_straight_on", [100], [*range(108, 100, -1)], [109]))
     assert turns(path) == set()
+
+
+def test_a_strategy_can_ask_for_routes_with_turns(signed):
+    path = signed(LADDER, RUNGS, sign("no_u_turn", [100], [101], [103]))
+    ctx = loaded(graph_from_file(path, NO_CUT, osm_type="drive"))
+    at = {place: node for node in ctx.graph.get_nodes() if (place := ctx.graph.node_attributes(node)["osmid"])}
+    asked = []
+
+    def drive(state):
+        asked.append(ctx.graph.shortest_path(at[1], at[8], turns="drive"))
+        asked.append(ctx.graph.graph.shortest_path(at[1], at[8], turns=True))
+        state["action"] = state["curr_pos"]
+
+    ctx.agent.create_agent("car", start_node_id=at[1], strategy=drive)
+    ctx.game.step()
+    assert not ctx.game.errors
+    assert asked == 2 * [ctx.graph.shortest_path(at[1], at[8], turns="drive")]
