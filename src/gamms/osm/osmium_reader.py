@@ -498,6 +498,7 @@ def _roads(source: MapSource, keys: Sequence[str], tags: Sequence[str], *, has_p
 
     ways = KeyFilter(*keys)
     nodes = KeyFilter(*node_keys(tags))
+    relations = KeyFilter("type")
     ways.enable_for(osm.WAY)
     nodes.enable_for(osm.NODE)
     relations.enable_for(osm.RELATION)
