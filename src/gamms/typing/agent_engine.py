@@ -177,9 +177,9 @@ class IAgentEngine(ABC):
         strategy: Strategy | AerialStrategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
-        mode: str | Mapping[str, str] | None = None,
         type: AgentType | str = AgentType.BASIC,
         agent_type: AgentType | str = AgentType.BASIC,
+        mode: str | Mapping[str, str] | None = None,
         position: Sequence[float] | FloatArray | None = None,
         quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         **attributes: object,
@@ -197,11 +197,11 @@ class IAgentEngine(ABC):
             orientation: a fixed heading `(cos, sin)`; None: the heading follows from the moves.
             speed: distance that an agent on the ground may move per turn of `ctx.game`, in edges, or in metres if
                 `ctx.game.speed_unit` is set so; None: one edge. For an AERIAL agent: map units per step; required.
+            type: "BASIC", an agent on the ground, or "AERIAL", an agent that flies; or the `AgentType`.
+            agent_type: a synonym of `type`.
             mode: the edge attribute that says which edges an agent on the ground may use in `ctx.game`: a mode of the
                 map, such as "drive", or `{"attribute": name}` for any attribute with booleans or speeds; None: all
                 edges.
-            type: "BASIC", an agent on the ground, or "AERIAL", an agent that flies; or the `AgentType`.
-            agent_type: a synonym of `type`.
             position: for an AERIAL agent, its start position `(x, y, z)` in map units; None: the x and y of its node,
                 with z = 0.
             quat: for an AERIAL agent, its rotation `(w, x, y, z)`; (1, 0, 0, 0): level, facing east.
