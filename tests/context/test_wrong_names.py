@@ -333,9 +333,9 @@ def test_a_wrong_attribute_of_an_agent_is_answered_in_rules_and_strategies(town,
     assert way_out in caught.value.__notes__[0]
 
 
-def test_at_most_171_names_are_listed_on_the_context_and_its_parts(town):
+def test_at_most_173_names_are_listed_on_the_context_and_its_parts(town):
     parts = [town, town.agent, town.sensor, town.game, town.graph, town.visual, town.record]
-    assert sum(not name.startswith("_") for part in parts for name in dir(part)) <= 171
+    assert sum(not name.startswith("_") for part in parts for name in dir(part)) <= 173
 
 
 def test_a_setting_is_suggested_although_it_is_not_listed(town):

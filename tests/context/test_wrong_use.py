@@ -359,7 +359,7 @@ CALLS = {
     "a path without an end": (
         lambda ctx: ctx.graph.shortest_path(3),
         (
-            "ctx.graph.shortest_path is called as shortest_path(source, target, weight=…, most_edges=…); "
+            "ctx.graph.shortest_path is called as shortest_path(source, target, weight=…, most_edges=…, turns=…); "
             "'target' is missing."
         ),
     ),

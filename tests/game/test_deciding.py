@@ -343,10 +343,10 @@ READERS = {
     "SensorEngine": "get_sensor",
     "Sensor": "called_with_both coverage heading in_arrays last_view outline place places_of pose sense_many",
     "DetectionModel": "chances in_arrays is_noticed mark rolled_back repeated wanted",
-    "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
-        get_neighbors get_node get_nodes get_obstacle_face positions
-        find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
-        scenery_columns shortest_path to_latlon to_networkx track visibility visibility_table visible weights""",
+    "GraphEngine": """columns distance distance_matrix distances edge_attributes find from_latlon get_edge get_edges
+        get_neighbors get_node get_nodes get_obstacle_face get_obstacle_faces inside isochrone match_track
+        nearest_node networkx_labels node_attributes obstacle_columns place positions scenery_columns shortest_path
+        to_latlon to_networkx track visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes ground has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",

@@ -70,9 +70,9 @@ class CachedRoutes(Routes):
         self._steps_kept = 0
         self._modes: dict[str, tuple[int, int, Any]] = {}  # with the revisions of this graph and of its own
 
-    def __reduce__(self) -> tuple[type["CachedRoutes"], tuple[GraphStore]]:
+    def __reduce__(self) -> tuple[type["CachedRoutes"], tuple[object, ...]]:
         """Copy and pickle the graph without the results, which are found again."""
-        return CachedRoutes, (self._store,)
+        return CachedRoutes, (self._store, self._make_graph)
 
     def ids(self) -> IntArray:
         """Return the ids of all existing nodes, (nodes,), by row."""

@@ -18,7 +18,7 @@ from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
 from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in
-from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose, fits_float
+from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
     StepPaths,
@@ -1067,7 +1067,7 @@ class CoreGames:
             name: {} for name in self._deciders if self._state.is_there[game, number_of(name)]
         }
         steps = [step for several in self._steps for step in several if step.key]
-        for name, key, value in memories_of(self._state.row_of(game), steps):
+        for name, key, value in memories_of(GameRow.of(self._state, game), steps):
             found.setdefault(name, {})[key] = value
         return found
 

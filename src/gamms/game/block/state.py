@@ -585,6 +585,14 @@ class GameRow(NamedTuple):
     kept: Mapping[Hashable, Arrays]
     of_arrays: dict[Hashable, Arrays]
 
+    @classmethod
+    def of(cls, state: "GameArrays", game: int) -> "GameRow":
+        """Return a copy of what is remembered of a game."""
+        row = np.s_[game : game + 1]
+        kept = {key: {name: one[row].copy() for name, one in several.items()} for key, several in state.kept.items()}
+        of_arrays = {key: those for key, those in kept.items() if key not in state.of_core}
+        return cls(state.roster, state.streets, state.stops[row].copy(), kept, of_arrays)
+
 
 class GameArrays(BatchColumns):
     """The state of all games of a batch, seen from one map.
@@ -690,15 +698,6 @@ class GameArrays(BatchColumns):
 
     def __len__(self) -> int:
         return len(self.seeds)
-
-    def row_of(self, game: int) -> GameRow:
-        """Return what rules and strategies remember of a game."""
-        kept = {
-            key: {name: one[game : game + 1].copy() for name, one in several.items()}
-            for key, several in self.kept.items()
-        }
-        of_arrays = {key: those for key, those in kept.items() if key not in self.of_core}
-        return GameRow(self.roster, self.streets, self.stops[game : game + 1].copy(), kept, of_arrays)
 
     def take_game(self, game: PlayedGame) -> None:
         """Note a game on the map: its number among the maps, its entry, and the context that makes strategies."""

@@ -14,7 +14,7 @@ from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import STOPPED, GameArrays, LeavesSharedContext, fits_float
+from gamms.game.block.state import STOPPED, GameArrays, GameRow, LeavesSharedContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.own_functions import function_of_game
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
@@ -355,7 +355,7 @@ class ShownGame(GamesInContext):
         if type(data) is GuardedDict:
             data.fill()
             self._read["data"] = {**data}
-        of_arrays = self._state.row_of(self._pointed.number).of_arrays
+        of_arrays = GameRow.of(self._state, self._pointed.number).of_arrays
         if of_arrays and KEPT not in self._called.core_keys:  # of array strategies alone
             self._read["data"] = {**self._read["data"], KEPT: of_arrays}
         if type(row.data) is GuardedDict:  # which the batch goes on with, if it takes the turn back
@@ -566,7 +566,7 @@ class ShownGame(GamesInContext):
         """Put the data of rules in the core into `ctx.game.data`."""
         self._note_read(f"reads ctx.game.data, with that of {', '.join(sorted(self._called.core_keys))}")
         self._take_events()
-        game = self._state.row_of(self._pointed.number)
+        game = GameRow.of(self._state, self._pointed.number)
         for key, value in self._first_core_data.items():
             data[key] = copied(value)
         if KEPT in self._called.core_keys:
