@@ -179,6 +179,54 @@ def test_rules_that_follow_in_the_turn_see_what_agents_have_sensed_before_the_ga
             assert_as_alone(games, alone)
 
 
+def go_by_sight(state):
+    ((_, seen),) = state["sensor"].values()
+    state["action"] = state["legal"][len(seen) % len(state["legal"])]
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds"])
+def test_sensors_that_err_look_in_a_game_that_leaves_as_often_in_a_turn_as_alone(phase):
+    def act(ctx):
+        if ctx.seed % 2 and ctx.game.turn == 2:
+            ctx.game.max_turns = 5
+
+    def look_again(ctx):
+        if ctx.seed % 2 and ctx.game.turn == 2:
+            agent = ctx.agent.get_agent("red_0")
+            agent.sensors["near"].sense(agent.current_node_id)
+            ctx.game.emit("looked", seen=sorted(agent.sensors["near"].data))
+
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
+    team = {"count": 3, "sensors": ["near"]}
+    with scene([], teams={"red": team, "blue": team}, sensors=near, max_turns=6).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = go_by_sight
+        ctx.game.add(act, phase=phase)
+        ctx.game.add(look_again, phase=phase)
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1, 3]
+            assert_as_alone(games, alone)
+
+
+def test_a_game_that_begins_again_and_leaves_looks_as_often_in_its_turn_as_alone():
+    def act(ctx):
+        if ctx.seed:
+            ctx.game.max_turns = 1
+
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
+    team = {"count": 3, "sensors": ["near"]}
+    with scene([], teams={"red": team, "blue": team}, sensors=near).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = go_by_sight
+        ctx.game.add(act, phase="before")
+        with ctx.game.batch(seeds=[1, 0]) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            games.reset([0], seeds=[1])
+            games.run()
+            assert_as_alone(games, alone)
+
+
 @pytest.mark.parametrize("phase", ["before", "after"])
 def test_a_function_that_changes_a_setting_and_raises_keeps_the_change_in_a_single_game(phase):
     def fail(ctx):

@@ -317,6 +317,8 @@ class ShownGame(GamesInContext):
         assert begun is not None  # noqa: S101 - else it begins again
         for last in self.cached.lasts:
             last[0] = {}
+        for notice in self.cached.notices:
+            notice.reset()  # of the looks of another game in this turn
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         row = self.own_row()
