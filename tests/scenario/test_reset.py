@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gamms import recorder, scenario
 from gamms.demo import FILE
-from gamms.errors import BadValue
+from gamms.errors import BadValue, Duplicate
 from gamms.scenario import Scenario, ScenarioError
 
 WALK = "gamms.strategies:random_walk"
@@ -193,6 +193,30 @@ def settlers():
     game = Scenario(folder=tmp_path, **GRID, **GAMES["random places"], rules=["settling:settlers"])
     with pytest.raises(BadValue, match="differ between the games with the seeds 1 and 2"):
         game.batch(2, seed=1)
+
+
+def test_collectors_that_a_rule_has_added_are_added_again_for_another_seed(tmp_path):
+    (tmp_path / "watching.py").write_text("""
+def watch(every):
+    def rule(ctx):
+        pass
+
+    rule.prepare = lambda ctx: ctx.game.collect("seed", lambda ctx: ctx.seed, every=every)
+    return rule
+""")
+    spec = {
+        "name": "watched",
+        "map": {"grid": {"rows": 2, "columns": 2, "spacing": 1}},
+        "teams": {"red": {"count": 1, "strategy": WALK}},
+        "rules": [{"rule": "watching:watch", "with": {"every": 2}}],
+        "max_turns": 4,
+    }
+    with Scenario(**spec, folder=str(tmp_path)).build(1) as ctx:
+        for seed in (1, 2, 3):
+            ctx.game.reset(seed)
+            assert ctx.game.run().collected["seed"] == {"turn": [2, 4], "value": [seed, seed]}
+        with pytest.raises(Duplicate):
+            ctx.game.collect("seed", lambda ctx: ctx.seed)
 
 
 def test_a_game_is_that_of_its_seed_also_after_a_snapshot_of_another_seed(game):

@@ -4,6 +4,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
@@ -435,10 +436,20 @@ class Collectors:
 
     def __init__(self) -> None:
         self.by_name: dict[str, Collector] = {}
+        self._replaceable: frozenset[str] = frozenset()
+
+    @contextmanager
+    def replacing(self, names: frozenset[str]) -> Iterator[None]:
+        """Let functions that add collectors with these names add them again within the block, in the same places."""
+        self._replaceable = names
+        try:
+            yield
+        finally:
+            self._replaceable = frozenset()
 
     def add(self, name: str, fn: Callable[[Any], Any], every: int, per: str) -> None:
         """Add a collector; see `Game.collect`."""
-        if name in self.by_name:
+        if name in self.by_name and name not in self._replaceable:
             raise Duplicate("a collector", name)
         as_choice(as_text(per, "per"), "per", ("game", "agent"))
         as_function_of(fn, f"Collector {shown(name)}", "the context" if per == "game" else "an agent")

@@ -101,6 +101,7 @@ class Builder:
         self._map: MapSnapshot | None = None  # the map before the scenario's code changed it; None if it did not
         self._called: dict[str, Any] = {}  # path of a user's function -> its first result
         self._by_seed: list[str] = []  # paths of functions that used the seed
+        self._collected: frozenset[str] = frozenset()  # names of the collectors that functions have added
 
     def build(self) -> None:
         """Put agents, facts, strategies, rules and conflicts into the context.
@@ -131,6 +132,7 @@ class Builder:
             refuse_unused(game)
         with at("settings.weight"):
             self.ctx.graph.graph.weights(game.weight)
+        self._collected = frozenset(game.internals.parts.collectors.by_name)
         self._values = _values_of(game)
         self._keep()
         if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
@@ -152,7 +154,8 @@ class Builder:
         nodes = self._placed()
         self._agents = {one.name: self._draw_agent(one, nodes[one.name]) for one in self.members}
         if self._again:
-            self._call_again()
+            with self.ctx.game.internals.parts.collectors.replacing(self._collected):
+                self._call_again()
         self._keep()
 
     def _call_again(self) -> None:
