@@ -1,8 +1,12 @@
 """Games of the gallery in which some chase, guard or look for others keep their rules."""
 
+import math
+from itertools import pairwise
+
 import pytest
 
-from gamms import belief, scenario
+from gamms import belief, recorder, scenario
+from gamms.rules import idleness_table
 
 
 def test_mr_x_shows_himself_after_five_turns_and_is_always_where_the_detectives_think_possible():
@@ -139,6 +143,63 @@ def test_bombs_are_disarmed_at_the_times_of_an_independent_referee(seed):
 
 def test_a_bomb_disposal_of_a_batch_is_the_game_alone():
     game = scenario.from_gallery("bomb_disposal").replace(max_turns=25)
+    with game.batch(2, seed=5) as games:
+        games.run(warn=False)
+        assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
+        assert not games.detached
+
+
+def read_visits(recording, team, metres):
+    """Return node -> the times in turns at which agents of a team are on it, from the positions of a recording."""
+    columns = recording.graph.columns()
+    place = dict(zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True))
+    times = {node: [] for node in place}
+    before = {}
+    for state in recording:
+        agents = state.agents
+        for name, of, node, xy in zip(agents["name"], agents["team"], agents["node"], state.xy(), strict=True):
+            if of == team and before.get(name) != node:
+                back = math.dist(place[node], xy) / metres
+                times[node].append(state.turn - back)
+            before[name] = node
+    return {node: sorted(found) for node, found in times.items()}
+
+
+def test_the_idleness_of_two_patrols_is_that_of_an_independent_reading_of_the_recording(tmp_path):
+    with scenario.from_gallery("two_patrols").build() as ctx:
+        result = ctx.game.run(record=str(tmp_path / "patrols.ggr"))
+        tables = {team: idleness_table(ctx, team) for team in ("cyclic", "random")}
+    with recorder.open(tmp_path / "patrols.ggr") as recording:
+        visits = {team: read_visits(recording, team, metres=14) for team in tables}
+    for team, table in tables.items():
+        for node, times in visits[team].items():
+            gaps = [later - time for time, later in pairwise(times) if later - time > 1e-9]
+            row = table["node"].tolist().index(node)
+            assert table["visits"][row] == len(gaps) + 1
+            average = sum(gaps) / len(gaps) if gaps else math.nan
+            assert table["average"][row] == pytest.approx(average, abs=1e-9, nan_ok=True)
+            assert table["worst"][row] == pytest.approx(max([*gaps, times[0], 400 - times[-1]]), abs=1e-9)
+    closed_form = 36 * 40 / (3 * 14)  # T / (k v), in turns
+    assert tables["cyclic"]["average"] == pytest.approx(closed_form, abs=1e-9)
+    assert tables["cyclic"]["worst"] == pytest.approx(closed_form, abs=1e-9)
+    for turn, score in zip(*(result.collected["worst_cyclic"][key] for key in ("turn", "value")), strict=True):
+        begun = [[time for time in times if time <= turn] for times in visits["cyclic"].values()]
+        idle = [max([later - time for time, later in pairwise([0, *times, turn])]) for times in begun]
+        assert score == pytest.approx(10 * max(idle), abs=1e-8)
+    assert (result.turns, result.winner) == (400, "cyclic")
+    assert result.scores["random"] > 2 * result.scores["cyclic"]
+
+
+def test_two_patrols_that_are_reset_collect_what_a_game_of_that_seed_collects():
+    game = scenario.from_gallery("two_patrols").replace(max_turns=25)
+    with game.build(1) as ctx:
+        ctx.game.collect("mine", lambda ctx: ctx.game.turn)
+        for seed in (1, 2):
+            ctx.game.reset(seed)
+            result = ctx.game.run()
+            assert result.collected.pop("mine")["value"] == list(range(1, 26))
+            assert result.collected == game.play(seed=seed).collected
+            assert result.collected["worst_random"]["turn"] == [10, 20]
     with game.batch(2, seed=5) as games:
         games.run(warn=False)
         assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
