@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from gamms.scenario import Scenario, ScenarioError
 
+WALK = "gamms.strategies:random_walk"
+
 
 def played_on(width, height, teams, seed=1):
     return Scenario(seed=seed, max_turns=1, map={"grid": {"width": width, "height": height}}, teams=teams)
@@ -160,3 +162,13 @@ def test_roads_of_a_map_are_closed_by_name_and_by_area():
             ctx.graph.find("Kaivokatu")
     with pytest.raises(ScenarioError, match=r"item 2 of map\.closed .*Did you mean 'Kaivokatu'"):
         game.replace(**{"map.closed": [square, "Kaivokat"]}).build(seed=1)
+
+
+def test_agents_with_a_mode_that_start_near_a_place_can_leave_their_nodes():
+    team = {"count": 20, "mode": "drive", "near": [385950, 6672200], "within": 150, "speed": 1, "strategy": WALK}
+    game = Scenario(seed=1, map={"helsinki": {"osm_type": ["walk", "drive"]}}, teams={"red": team})
+    with game.build() as ctx:
+        roads = ctx.graph.routes.select_mode("drive")
+        assert all(len(roads.neighborhoods[agent.current_node_id]) > 1 for agent in ctx.game.agents)
+        with pytest.raises(ScenarioError, match="on nodes that mode drive can leave, within 1 of"):
+            game.replace(**{"teams.red.within": 1}).build()

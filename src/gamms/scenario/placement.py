@@ -297,7 +297,7 @@ class _TeamPlacement:
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
-            allowed = np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
+            allowed &= np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
         return as_words(allowed)
 
     def _refusal(self, placed: int, wanted: int, seed: int | None = None) -> str:
