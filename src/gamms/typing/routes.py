@@ -464,7 +464,7 @@ class RouteQueries:
             source: id of the first node.
             target: id of the last node.
             weight: see `IGraph`.
-            turns: the mode of travel whose restrictions hold, such as "drive"; True: the only one of the map.
+            turns: the mode of travel whose restrictions hold, such as "drive"; True: the only one with restrictions.
             driven: ids of the edges on which traffic has come to the first node, the latest last; one edge is enough
                 unless a restriction has ways between. Empty: it begins here, and may take any edge.
 
