@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_alone, assert_as_played, plain, scene
+from batch_scenes import assert_as_alone, assert_as_played, check_games, plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -142,6 +142,24 @@ def test_deeds_that_last_are_the_same_in_batches_and_in_games_alone(drawn):
                     if event["kind"] in seen:
                         seen[event["kind"]] += 1
     assert seen["begun"] >= seen["done"] + seen["interrupted"] > 0
+
+
+def test_a_deed_that_has_lasted_comes_after_those_that_its_agent_has_done_at_once():
+    def act(state):
+        state["action"] = {"do": {"say": None, "fix": None, "wave": None} if state["name"] == "red_0" else {"say": None}}
+
+    def list_deeds(ctx):
+        ctx.game.emit("seen", deeds=[[deed.agent, deed.kind] for deed in ctx.game.performed()])
+
+    deeds = {"fix": {"fields": {}, "turns": 1}, "say": {}, "wave": {}}
+    with scene(red=1, blue=1, settings={"deeds": deeds}, max_turns=3).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = act
+        ctx.game.add(list_deeds)
+        for result in check_games(ctx, 3):
+            seen = [event["deeds"] for event in result.events if event["kind"] == "seen"]
+            at_once = [["blue_0", "say"], ["red_0", "say"], ["red_0", "wave"]]
+            assert seen == [[*at_once, ["red_0", "fix"]]] * 3
 
 
 @gamms.array_strategy

@@ -17,6 +17,7 @@ import numpy as np
 from gamms.game.deeds import Duration, list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import Rank, RuleSpec, Settings, declared
+from gamms.ir.deeds import AFTER_OTHERS
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import ANYTHING, NUMBER, TEXT, at, dict_of, list_of, record, tuple_of
@@ -256,7 +257,7 @@ def end_deeds(ctx: HostContext) -> None:
         node = ends.start_of(name)
         game.emit("done", agent=name, deed=kind, at=node, time=time, **begun["values"])
         fields = {**begun["values"], "since": begun["since"], "time": time}
-        rows.append((state.row, number, number, name, kind, state.turn, node, fields))
+        rows.append((state.row, number, AFTER_OTHERS + number, name, kind, state.turn, node, fields))
     if rows:
         state.deed_log.add(state.row, rows)
 

@@ -48,13 +48,17 @@ DeedRow = tuple[int, int, int, str, str, int, int, dict[str, Any]]
 
 * the number of the game;
 * the number of the agent in the turn, by which deeds are sorted and refused;
-* a number by which the deeds of one agent are sorted;
+* a number by which the deeds of one agent are sorted: from `AFTER_OTHERS` on for deeds that have lasted;
 * the name of the agent, by which it is found after agents have come and gone;
 * the name of the deed;
 * the turn;
 * the id of the agent's node;
 * its fields, without omitted ones.
 """
+
+
+AFTER_OTHERS = 1 << 32
+"""Sorts deeds that have lasted after those that the agent has done at once in the same turn."""
 
 
 class DeedNumbering(NamedTuple):
