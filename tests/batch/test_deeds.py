@@ -146,7 +146,8 @@ def test_deeds_that_last_are_the_same_in_batches_and_in_games_alone(drawn):
 
 def test_a_deed_that_has_lasted_comes_after_those_that_its_agent_has_done_at_once():
     def act(state):
-        state["action"] = {"do": {"say": None, "fix": None, "wave": None} if state["name"] == "red_0" else {"say": None}}
+        kinds = ["say", "fix", "wave"] if state["name"] == "red_0" else ["say"]
+        state["action"] = {"do": dict.fromkeys(kinds)}
 
     def list_deeds(ctx):
         ctx.game.emit("seen", deeds=[[deed.agent, deed.kind] for deed in ctx.game.performed()])
