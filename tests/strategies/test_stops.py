@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.rules import Conflicts
+from gamms.sensor import SensorType
 from gamms.strategies import first, follow_path, patrol, stay, unblock
 
 NODES = st.integers(0, 24)
@@ -102,3 +103,21 @@ def test_a_patrol_at_any_speed_ends_its_turn():
 def test_unblock_reads_a_way_beyond_a_stop():
     nodes, _ = played(lambda ctx: unblock(follow_path(ctx, [1, 2, 3], otherwise=stay)), 0, 2.0, 3)
     assert nodes == [0, 2, 3, 3]
+
+
+def test_a_chaser_on_a_one_way_road_goes_round_to_an_enemy_behind_it():
+    with gamms.create_context(seed=1, game={"speed_unit": "metres", "on_illegal": "raise"}) as ctx:
+        ctx.graph.add_nodes([0, 1, 2], [0.0, 100.0, 50.0], [0.0, 0.0, 50.0])
+        ctx.graph.add_edges([0, 1, 2], [0, 1, 2], [1, 2, 0], [100.0, 80.0, 80.0])
+        ctx.sensor.create_sensor("eyes", SensorType.AGENT)
+        drive = lambda state: state.update(action=1)
+        cat = ctx.agent.create_agent("cat", start_node_id=0, team="red", speed=60.0, sensors=["eyes"], strategy=drive)
+        ctx.agent.create_agent("mouse", start_node_id=0, team="blue", speed=20.0, strategy=drive)
+        ctx.game.step()
+        cat.register_strategy(gamms.strategies.chase(ctx))
+        ctx.agent.get_agent("mouse").register_strategy(lambda state: state.update(action=None))
+        places = []
+        for _ in range(3):
+            ctx.game.step()
+            places.append((cat.edge, cat.offset_m))
+        assert places == [((1, 2, 1), pytest.approx(20.0)), (None, 0.0), ((2, 0, 2), 60.0)]

@@ -244,11 +244,14 @@ def move_to_agent(
     source, end, street = its
     gone = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0)
     length = lengths.get_edge(street).length
+    can_turn = edge is None or edge[0] in graph.neighborhoods[edge[1]]  # not on a one-way road
     if edge is not None and set(edge[:2]) == {source, end}:  # both are on one street
         offset = state["offset_m"] if edge[0] == source else length - state["offset_m"]
-        state["action"] = end if offset < gone else source
-        return
-    starts = {state["curr_pos"]: state["offset_m"]}
+        ahead = end if offset < gone else source
+        if can_turn or ahead == edge[1]:
+            state["action"] = ahead
+            return
+    starts = {state["curr_pos"]: state["offset_m"]} if can_turn else {}
     if edge is not None:
         starts[edge[1]] = lengths.get_edge(edge[2]).length - state["offset_m"]
     ways = [(source, end, gone)] if graph is lengths or end in graph.neighborhoods[source] else []
