@@ -141,6 +141,20 @@ def test_points_match_as_files_do_with_and_without_times(town, tmp_path):
     assert found[0].places[1] == pytest.approx(xy[1] + (0.0, 6.0))
 
 
+@pytest.mark.parametrize("xs", [(50.0, 50.0), (50.0, 50.0, 50.0, 50.0), (50.0, 50.001)])
+def test_a_track_that_stays_at_one_place_has_no_outliers(town, xs):
+    found = town.graph.match_track([(385_000.0 + x, 6_672_002.0) for x in xs])
+    assert (found.outliers, found.gaps, found.parts) == ([], [], 1)
+    assert found.length == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_row_of_a_csv_file_that_ends_early_is_named(town, tmp_path):
+    file = tmp_path / "walk.csv"
+    file.write_text("x,y,time\n1,2,3\n1,2\n", encoding="utf-8")
+    with pytest.raises(BadFile, match="line 3: it has 2 of the 3 columns"):
+        town.graph.match_track(file)
+
+
 def test_a_point_far_from_the_route_but_near_a_road_is_an_outlier(town):
     xy = np.array([(x, 2.0 * (-1) ** (x // 20)) for x in range(0, 401, 20)]) + CORNER
     xy[9] += (10.0, 300.0)

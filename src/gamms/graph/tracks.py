@@ -277,7 +277,8 @@ class TrackMatcher:
         if not candidates:
             return []
         steps = np.hypot(*np.diff(xy, axis=0).T)
-        outlier_m = _OUTLIER_STEPS * float(np.median(steps)) if len(steps) else 0.0
+        usual = max(float(np.median(steps)), _NEAREST_SIGMAS * self._noise_m) if len(steps) else 0.0
+        outlier_m = _OUTLIER_STEPS * usual
         costs: list[FloatArray] = []
         states: list[_States] = []
         for at, some in enumerate(candidates):
@@ -482,17 +483,19 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.reader(stream)
-            at = _columns_of(next(reader, []))
+            header = next(reader, [])
+            at = _columns_of(header)
             keys = ("x", "y") if "x" in at and "y" in at else ("lat", "lon")
             for row in filter(None, islice(reader, _MOST_POINTS)):
                 at_line = f"line {reader.line_num}: "
+                _refuse_short(row, at, len(header))
                 name = from_cell(row[at["agent"]]) if "agent" in at else file.stem
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 rows.setdefault(name, []).append((_time_of(row[at["time"]]) if "time" in at else nan, *place))
             is_too_long = next(reader, None) is not None
         at_line = ""
         found = {name: _in_map_units(np.array(one, np.float64), keys, graph) for name, one in rows.items()}
-    except (csv.Error, ValueError, IndexError) as error:
+    except (csv.Error, ValueError) as error:
         raise BadFile(
             f"{str(file)!r} cannot be used as a CSV file of tracks: {at_line}{str(error).rstrip('.')}."
         ) from None
@@ -518,6 +521,12 @@ def _columns_of(header: list[str]) -> dict[str, int]:
     if not ({"lat", "lon"} <= at.keys() or {"x", "y"} <= at.keys()):
         raise ValueError(f"its columns are {shown(names)}, and it needs lat and lon or x and y, and may have time")
     return at
+
+
+def _refuse_short(row: list[str], at: dict[str, int], columns: int) -> None:
+    """Refuse a row that ends before a column that is read (ValueError)."""
+    if len(row) <= max(at.values()):
+        raise ValueError(f"it has {len(row)} of the {columns} columns")
 
 
 def _time_of(text: str) -> float:
