@@ -175,6 +175,8 @@ def test_a_mode_that_is_no_attribute_is_refused_with_the_nearest_name():
             ctx.agent.create_agent("a", start_node_id=0, mode={"attribute": "name"})
         with pytest.raises(BadType, match="not 3"):
             ctx.agent.create_agent("a", start_node_id=0, mode=3)
+        with pytest.raises(BadType, match=r"not {'attribute': None}"):
+            ctx.agent.create_agent("a", start_node_id=0, mode={"attribute": None})
         with pytest.raises(BadValue, match="flies over all edges"):
             ctx.agent.create_agent("a", start_node_id=0, mode="drive", type="AERIAL", speed=1.0)
         assert not ctx.agent.agents
@@ -271,6 +273,15 @@ def test_agents_of_a_scenario_start_where_their_mode_can_leave(tmp_path):
 def test_a_scenario_refuses_the_mode_of_a_flying_team():
     with pytest.raises(ScenarioError, match=r"teams\.drones\.mode"):
         Scenario(**{**FLEET, "teams": {"drones": {**FLEET["teams"]["drones"], "mode": "walk"}}})
+
+
+def test_an_error_about_the_mode_of_an_agent_names_the_agent():
+    for of_team, of_agent, path in ((None, "driv", "teams.red.agents.0.mode"), ("driv", None, "teams.red.mode")):
+        agents = [{"name": "truck", "mode": of_agent}]
+        teams = {"red": {"agents": agents, "mode": of_team}}
+        with pytest.raises(ScenarioError, match="Unknown mode 'driv'") as caught:
+            Scenario(map={"grid": {"rows": 2, "columns": 2}}, max_turns=1, teams=teams).build(seed=1)
+        assert caught.value.path == path
 
 
 def chase_in(folder, name, **more):

@@ -288,8 +288,10 @@ def as_mode(value: object) -> str | None:
             "mode= takes no 'turns': agents do not obey turn restrictions in games. Let a strategy follow a route that "
             "does, such as ctx.graph.shortest_path(a, b, turns='drive')."
         )
+    if value is None:
+        return None
     name = value["attribute"] if isinstance(value, Mapping) and [*value] == ["attribute"] else value
-    if name is None or isinstance(name, str):
+    if isinstance(name, str):
         return name
     raise BadType(
         f"mode= is the name of a mode of the map, such as 'drive', or {{'attribute': name}} of an edge attribute, not "

@@ -281,18 +281,22 @@ class _TeamPlacement:
         return np.flatnonzero(near)
 
     @cached_property
-    def _modes(self) -> list[str]:
-        """The modes of the members that are placed at random."""
-        drawn = [one.listed for number, one in enumerate(self.members) if number not in self.fixed]
-        modes = dict.fromkeys(mode_of(self.spec, one) for one in drawn)
-        return [mode for mode in modes if mode is not None]
+    def _modes(self) -> dict[str, str]:
+        """The modes of the members that are placed at random, each with the path of the first that has it."""
+        found: dict[str, str] = {}
+        for number, one in enumerate(self.members):
+            mode = mode_of(self.spec, one.listed)
+            if mode is not None and number not in self.fixed:
+                is_own = one.listed is not None and one.listed.mode is not None
+                found.setdefault(mode, joined(one.path if is_own else self.path, "mode"))
+        return found
 
     @cached_property
     def _near(self) -> WordArray:
         """The set of nodes where the team may start, before other teams are considered, (words,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
-        for mode in self._modes:
-            with at(f"{self.path}.mode"):
+        for mode, path in self._modes.items():
+            with at(path):
                 allowed &= self.map.can_leave(mode)
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
@@ -304,7 +308,7 @@ class _TeamPlacement:
         words = [f"only {placed} of {wanted} agents could be placed"]
         ways_out = ["count"]
         if self._modes:
-            words.append(f"on nodes that mode {self._modes[0]} can leave")
+            words.append(f"on nodes that mode {next(iter(self._modes))} can leave")
             ways_out.append("mode")
         if self.spec.within is not None:
             words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
