@@ -296,12 +296,22 @@ def test_a_declaration_of_a_deed_that_lasts_is_checked(road):
         ({"fields": {"since": "node"}, "turns": 1}, "which deeds that last have"),
         ({"fields": {}, "turns": 1, "on_interrupt": "stop"}, "must be 'restart' or 'resume'"),
         ({"fields": {}, "turns": 1, "interupted_by": ["tag"]}, "Did you mean 'interrupted_by'"),
+        ({"fields": {}, "turns": 1, "interrupted_by": ["tag", "done"]}, "cannot have 'done', an event of the deed"),
         ({"bomb": "node", "turns": 4}, "put its fields into fields"),
     ):
         with pytest.raises((BadValue, UnknownName), match=message):
             road.game.deeds = {"defuse": declaration}
     road.game.deeds = {"wait": {"fields": None}, "mark": {"fields": "text"}}  # both are done at once
     assert not road.game.rules
+
+
+@pytest.mark.parametrize("time", [None, "0.5", float("nan"), True])
+def test_an_event_that_interrupts_a_deed_needs_a_time_that_is_a_number(road, time):
+    lasts(road, interrupted_by=["noise"])
+    road.plans["ann"] = [{"do": {"defuse": 3}}]
+    road.game.add(lambda ctx: ctx.game.emit("noise", agent="ann", time=time))
+    with pytest.raises((BadType, BadValue), match="time of the event 'noise' of agent 'ann' must be"):
+        road.game.run(1)
 
 
 def test_two_deeds_that_last_are_not_done_at_once(road):

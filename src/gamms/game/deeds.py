@@ -207,6 +207,7 @@ def _as_fields(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
 
 
 _KEYS = ("fields", *Duration._fields)
+_OWN_EVENTS = ("begun", "interrupted", "done")
 
 
 def _as_lasting(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
@@ -228,6 +229,12 @@ def _as_lasting(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
     if "interrupted_by" in rest:
         kinds = as_items(rest["interrupted_by"], f"{name}['interrupted_by']", "texts, such as ['move', 'tag']")
         checked["interrupted_by"] = tuple(as_name(kind, "what interrupts a deed") for kind in kinds)
+        own = [kind for kind in checked["interrupted_by"] if kind in _OWN_EVENTS]
+        if own:
+            raise BadValue(
+                f"{name}['interrupted_by'] cannot have {own[0]!r}, an event of the deed itself. Name 'move', 'tag', or "
+                "a kind of event that a rule emits."
+            )
     if "on_interrupt" in rest:
         checked["on_interrupt"] = as_choice(rest["on_interrupt"], f"{name}['on_interrupt']", ("restart", "resume"))
     if "blocks_moving" in rest:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_float
 from gamms.game.deeds import Duration, list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import Rank, RuleSpec, Settings, declared
@@ -312,7 +313,9 @@ class _TurnEnds:
     def _times_of(self, kind: str, field: str, name: str) -> Iterable[float]:
         """Return the times of the events of a kind in which a field names an agent."""
         named = [event for event in self._events if event["kind"] == kind and event.get(field) == name]
-        return [float(event.get("time", self._turn)) for event in named]
+        return [
+            as_float(event.get("time", self._turn), f"time of the event {kind!r} of agent {name!r}") for event in named
+        ]
 
 
 def _leaves_at(moves: TurnMoves, i: int, now: int, part: float) -> float | None:
