@@ -195,6 +195,7 @@ def test_a_role_that_says_nothing_is_refused(role, error, message):
         ({"team": "rad", "names": ["truck"]}, "Unknown team 'rad'. Did you mean 'red'"),
         ({"team": "red", "names": ["trukc"]}, "Unknown agent of team 'red': 'trukc'. Did you mean 'truck'"),
         ({"team": "red", "names": ["ann"]}, "Unknown agent of team 'red': 'ann'. There are: 'car', 'truck'"),
+        ({"team": None, "names": ["truck"]}, "Unknown agent of team None: 'truck'. There are none"),
         (
             {"team": "red", "where": {"kin": "drone"}},
             "Unknown attribute of the agents of team 'red': 'kin'. Did you mean 'kind'",

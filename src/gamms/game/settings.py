@@ -858,7 +858,7 @@ class RuleSet:
         """Refuse a rule with a role that no agent has; see `check_new`."""
         for role in [one for one in named.spec.teams if isinstance(one, Role)]:
             members = self._ctx.agent.teams.get(role.team, [])
-            flaw = role.find_flaw(members) if members else None
+            flaw = role.find_flaw(members) if members or role.team is None else None
             if flaw is not None and not may_come:
                 flaw.add_note(f"The rule {named.name!r} mentions it.")
                 raise flaw
