@@ -201,6 +201,15 @@ def test_a_network_of_sumo_connects_each_edge_with_all_that_begin_at_its_end(str
     assert dead_ends == {node for node in ("5", "6", "7") if node not in {str(one.target) for one in edges.values()}}
 
 
+@pytest.mark.parametrize("speed", [10**400, float("nan"), float("inf"), -5, 0, True, "50", None])
+def test_a_network_of_sumo_has_the_usual_speed_where_that_of_an_edge_is_none(tmp_path, speed):
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 2))
+        ctx.graph.update_edge({"id": 0, "speed_kph": speed})
+        _, lanes = read_net(*ctx.graph.export(tmp_path / "town.net.xml"))
+        assert float(lanes["0"]["speed"]) == 50 / 3.6
+
+
 def test_a_network_of_sumo_without_a_crs_says_so(tmp_path):
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))

@@ -159,6 +159,7 @@ def test_a_picture_shows_the_polygons(world, tmp_path):
         (0, [], {}, BadValue, "one or more finite numbers"),
         (0, "ten", {}, BadType, "limits must be a list of numbers"),
         (0, 10, {"width": 0}, BadValue, "width must be positive"),
+        (0, 10, {"width": 1e300}, BadValue, r"at most 1e\+09, not 1e\+300"),
         (0, 10, {"weight": "tarvel_time"}, UnknownName, "tarvel_time"),
     ],
 )

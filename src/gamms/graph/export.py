@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from functools import cached_property
 from itertools import product
-from math import atan2, degrees, inf
+from math import atan2, degrees
 from pathlib import Path
+from sys import float_info
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
@@ -424,7 +425,7 @@ def _sumo_edge(row: Mapping[str, Scalar], line: FloatArray) -> str:
     """Return an edge with its lane."""
     id = row["id"]
     kph = row.get("speed_kph")
-    speed = kph / 3.6 if _is_number(kph) and 0 < kph < inf else _USUAL_SPEED
+    speed = kph / 3.6 if _is_number(kph) and 0 < kph <= float_info.max else _USUAL_SPEED
     name = f' name="{_xml_name(str(row["name"]))}"' if isinstance(row.get("name"), str) else ""
     kind = f' type="highway.{_xml_name(str(row["highway"]))}"' if isinstance(row.get("highway"), str) else ""
     shape = " ".join(f"{x!r},{y!r}" for x, y in line.tolist())

@@ -32,6 +32,7 @@ Source = int | Mapping[str, Any]
 """A node id, or a place on an edge: `{"edge": id, "share": 0.25}`; the share is 0, the beginning, by default."""
 _COLOR = (38, 120, 178)
 _DECIMALS = 9  # of degrees
+_WIDEST = 1e9  # map units: wider than the earth
 
 
 class EdgePart(NamedTuple):
@@ -171,9 +172,10 @@ def find_isochrones(
     if not reach or max(reach) == inf:
         raise BadValue(f"limits must be one or more finite numbers, not {shown(limits)}.")
     radius = as_range(width, "width")
-    if not 0 < radius < inf:
+    if not 0 < radius <= _WIDEST:
         raise BadValue(
-            f"width must be positive and finite, not {shown(width)}: polygons have this distance from streets."
+            f"width must be positive and at most {_WIDEST:g}, not {shown(width)}: polygons have this distance "
+            "from streets."
         )
     columns = graph.columns()
     weights = graph.routes.weights(weight)
