@@ -472,7 +472,8 @@ class Decisions(Answers):
             elif not resolved.is_step():
                 self.make_paths()
                 self.paths.walk(i, resolved.path, resolved.progress)
-            if slot.flies or resolved.heading != () or resolved.deeds is not None:
+            is_step = resolved.heading == () and resolved.deeds is None and resolved.edge is None
+            if slot.flies or not is_step:
                 self.actions[i] = resolved
 
     def make_paths(self) -> None:

@@ -116,6 +116,19 @@ class PrivateForks:
         fork: PrivateFork = game.fork_for_deciders(seed, as_choice(information, "information", INFORMATION))
         return fork
 
+    def list_legal_edges(self, state: Mapping[str, Any]) -> tuple[int, ...]:
+        """Return the ids of the edges that the action of the agent with a state may name.
+
+        Raises:
+            IllegalMutation: the state was pickled.
+        """
+        if self._ctx is None:
+            raise IllegalMutation("state['legal_edges'] was not read before the state was pickled. Read it before.")
+        with phase_of(self._ctx).suspended(changes_world=False):
+            turns = self._ctx.game.internals.parts.turns
+            found: tuple[int, ...] = turns.list_legal_edges(state["name"], state["curr_pos"])
+        return found
+
     def note_search(self, decisions: Mapping[str, bool]) -> None:
         """Count the agents whose action a search found, and the agents for which it had no time, in the timings.
 

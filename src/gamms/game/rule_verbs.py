@@ -1,6 +1,7 @@
 """The methods of `ctx.game` for rules: queries about the turn, and verbs that change the game."""
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any, overload
 
 from gamms.arguments import as_bool, as_ids, as_items, as_key, as_name
@@ -142,7 +143,7 @@ class RuleVerbs(Settings):
 
         An agent that waits on a node visits it until it goes on. A node that an agent has left at once when the turn
         began was visited in the turn before. An agent that a rule has placed visits its node at the end of the turn.
-        On an edge with parallel edges, an agent that counts edges is on the cheapest one.
+        Of parallel edges, an agent that counts edges is on the one that its action has named, else on the cheapest.
 
         Args:
             nodes: the id of a node, or several; None: all nodes, or none if edges are given.
@@ -168,7 +169,7 @@ class RuleVerbs(Settings):
                 if wanted_nodes is None or node in wanted_nodes
             ]
             if wanted_edges:
-                on_edges = stays_on_edges(track, self._turns.travel.roads.find_edge)
+                on_edges = stays_on_edges(track, partial(self._turns.find_edge, agent))
                 each += [(None, edge, stay) for edge, stay in on_edges if edge in wanted_edges]
             found += [
                 Visit(agent.name, agent.team, node, edge, now + since, now + until)

@@ -197,6 +197,19 @@ class TurnEngine(GameTurn):
         slots = [order.slots[i] for i in known if block.alive[order.selection.rows[i]]]
         return {slot.name: self._legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
 
+    def list_legal_edges(self, name: str, node: int) -> tuple[int, ...]:
+        """Return the ids of the edges that the action of an agent on a node may name; () if it is gone."""
+        order = self.order()
+        i = order.index_of.get(name)
+        return () if i is None else self._legality.list_edges(order.slots[i], node)
+
+    def find_edge(self, agent: IAgent, source: int, target: int) -> int | None:
+        """Return the id of the edge that an agent takes from one node to another if its action names none.
+
+        It is the cheapest that the agent may use; None: there is none now.
+        """
+        return self._legality.of_mode(getattr(agent, "mode", None)).travel.roads.find_edge(source, target)
+
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
         found = {}
@@ -551,7 +564,7 @@ class TurnEngine(GameTurn):
 
     def cut_off(self, turn: TurnMoves) -> list[int]:
         """Keep the agents where they are whose way was closed; return their slots."""
-        closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.track(i))]
+        closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.find_track(i))]
         return [i for i in closed if turn.stop(i)]
 
     def _block(self, slot: AgentSlot, why: str) -> None:

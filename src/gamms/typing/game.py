@@ -48,6 +48,17 @@ class NodeAction(TypedDict):
     """The heading `(cos, sin)`, of any nonzero length; None: follow the moves again."""
 
 
+class EdgeAction(TypedDict):
+    """An action of an agent on the ground that names the edge that it takes, and deeds."""
+
+    edge: NodeId
+    """The id of an edge that begins on the agent's node: one of `state["legal_edges"]`."""
+    do: NotRequired[Mapping[str, Any]]
+    """Deeds, as declared by `ctx.game.deeds` -> the values of their fields."""
+    orientation: NotRequired[tuple[float, float] | None]
+    """The heading `(cos, sin)`, of any nonzero length; None: follow the moves again."""
+
+
 class AerialAction(TypedDict, total=False):
     """An action of a flying agent: a move, a rotation and deeds."""
 
@@ -62,7 +73,7 @@ class AerialAction(TypedDict, total=False):
     """The new rotation `(w, x, y, z)`, of any length."""
 
 
-Action = NodeId | Sequence[int] | NodeAction
+Action = NodeId | Sequence[int] | NodeAction | EdgeAction
 """The action of an agent on the ground: a node id; with a speed also the list of nodes on the path.
 
 In games by metres also None: the agent stops where it is.
@@ -194,6 +205,10 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
     legal: Sequence[int]
     """The node ids to which the agent may move, its own first; on an edge its ends, then the nodes beyond. For a flying
     agent `()`: it is not bound to nodes."""
+    legal_edges: tuple[int, ...]
+    """The ids of the edges that the action `{"edge": id}` may name, in ascending order: those that lead from the
+    node of the agent to other nodes, and that its mode may use; found when they are first read. `()` for agents with a
+    speed, in games by metres, in games with `legal="any"`, and in the air."""
     edge: tuple[int, int, int] | None
     """In games by metres: the edge of the agent (source id, target id, edge id), or None on a node."""
     offset_m: float
@@ -236,6 +251,15 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
     action: ActionT | None
     """The action, for example a node id, or `(dx, dy, dz)` in the air: set by the strategy."""
 
+    def __missing__(self, key: str) -> Any:
+        """Find the legal edges when they are first read (KeyError: the state has no such key)."""
+        if key != "legal_edges" or "fork" not in self:
+            raise KeyError(key)
+        knows_map: Any = self["fork"]
+        found = knows_map.list_legal_edges(self)
+        super().__setitem__(key, found)
+        return found
+
     @property
     def sensors(self) -> dict[str, Any]:
         """Name -> data of the sensor, without its type; a fresh dict."""
@@ -251,6 +275,8 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
         def __getitem__(self, key: Literal["sensor"], /) -> dict[str, tuple[SensorType, Any]]: ...
         @overload
         def __getitem__(self, key: Literal["legal"], /) -> Sequence[int]: ...
+        @overload
+        def __getitem__(self, key: Literal["legal_edges"], /) -> tuple[int, ...]: ...
         @overload
         def __getitem__(self, key: Literal["edge"], /) -> tuple[int, int, int] | None: ...
         @overload
@@ -351,7 +377,7 @@ def strategy_name(strategy: object) -> str | None:
 
 
 class Leg(NamedTuple):
-    """The part of an edge that an agent covers in a turn, in games by metres; none for a standing agent."""
+    """The part of an edge that an agent covers in a turn, in games by metres, or if its action names the edge."""
 
     source: int  # node id
     target: int  # node id
@@ -394,7 +420,8 @@ class Track(NamedTuple):
     Attributes:
         path: node ids.
         times: the time at each of them.
-        legs: in games by metres, the parts of edges that the agent covers, in order.
+        legs: in games by metres, the parts of edges that the agent covers, in order; in games that count edges, the
+            edge that the action of the agent has named.
     """
 
     path: tuple[int, ...]
@@ -458,7 +485,7 @@ class Move(NamedTuple):
     start: int  # node id
     end: int  # node id; the start if the agent stays
     path: tuple[int, ...]  # node ids from start to end; only the start if the agent stays
-    legs: tuple[Leg, ...] = ()  # in games by metres: the parts of edges that it covers
+    legs: tuple[Leg, ...] = ()  # in games by metres: the parts of edges that it covers; else the edge that it has named
 
     @property
     def places(self) -> "tuple[int | EdgePlace, int | EdgePlace]":

@@ -504,6 +504,8 @@ class Cursor:
                 self._shown.leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
         for i, action in decisions.actions.items():
+            if action.edge is not None:
+                self._shown.leave("chooses an edge by its id")
             if action.heading != ():
                 self._state.turning.append((self._pointed.number, self._shown.number_of[named[i]], action.heading))
         decide = set(named.values())

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import misspelt
+from gamms.arguments import as_int, misspelt
 from gamms.core import by_edges as core
 from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
@@ -18,11 +18,12 @@ from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.graph import IntArray
 from gamms.ir.progress import Progress
+from gamms.text import shown
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
 from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Track
 
-_ACTION_KEYS = {"node_id", "orientation", "do"}  # of an action of an agent on the ground
+_ACTION_KEYS = {"node_id", "edge", "orientation", "do"}  # of an action of an agent on the ground
 _FLIGHT_KEYS = {"direction", "distance", "quat", "do"}  # and of one that flies
 _MORE_NODES = 3  # room in addition to the nodes of a path
 
@@ -140,7 +141,10 @@ class Legality:
 
     def of(self, mover: AgentSlot) -> "Legality":
         """Return the legality of the actions of agents with the mode of an agent."""
-        mode = mover.mode
+        return self.of_mode(mover.mode)
+
+    def of_mode(self, mode: str | None) -> "Legality":
+        """Return the legality of the actions of agents with a mode; None: of those without."""
         if mode == self._mode:
             return self
         assert mode is not None  # noqa: S101 - agents without a mode ask this object
@@ -167,27 +171,67 @@ class Legality:
         if isinstance(action, dict) and "do" in action:
             deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
             action = {key: value for key, value in action.items() if key != "do"}
-            if not mover.flies:
+            if not mover.flies and "edge" not in action:
                 action.setdefault("node_id", None if mover.travels else here)
         if mover.flies:
             position, quat = flight(self._ctx.agent.block, mover.row, action)
             return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
         heading: Any = ()
+        names_edge = isinstance(action, dict) and "edge" in action
         if isinstance(action, dict):
-            heading = heading_in(action)
-            action = action["node_id"]
-        own = self.of(mover)
-        if mover.travels and action is None:
-            resolved = own.travelled(mover, here, None)
-        elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
-            nodes = list(map(self._node, action))
-            resolved = own.travelled(mover, here, nodes) if mover.travels else own.walked(mover, here, nodes, True)
+            heading = heading_in({"node_id": None, **action} if names_edge else action)
+            if names_edge and "node_id" in action:
+                raise BadValue("An action names the next node or the edge to it, not both: leave out 'node_id'.")
+            action = action["edge"] if names_edge else action["node_id"]
+        if names_edge:
+            resolved = self.of(mover)._take_edge(mover, here, as_int(action, "The id of an edge"))
         else:
-            node = self._node(action)
-            resolved = own.travelled(mover, here, node) if mover.travels else own.walked(mover, here, [node], False)
+            resolved = self._resolve_move(mover, here, action)
         if heading == () and deeds is None:
             return resolved
         return resolved._replace(heading=heading, deeds=deeds)
+
+    def _resolve_move(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
+        """Return the move toward a node, or along a list of nodes; None: an agent by metres stops."""
+        own = self.of(mover)
+        if mover.travels and action is None:
+            return own.travelled(mover, here, None)
+        if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
+            nodes = list(map(self._node, action))
+            return own.travelled(mover, here, nodes) if mover.travels else own.walked(mover, here, nodes, True)
+        node = self._node(action)
+        return own.travelled(mover, here, node) if mover.travels else own.walked(mover, here, [node], False)
+
+    def _take_edge(self, mover: AgentSlot, here: int, edge: int) -> ResolvedAction:
+        """Return the move along an edge that an action has named."""
+        if not self._may_name_edges(mover):
+            raise BadValue(
+                f"An action names an edge, {edge}, where agents move along one edge per turn: with legal='edges' and "
+                f"speeds in edges, and the agent has none. Agent {shown(mover.name)} names the next node: "
+                "{'node_id': …}."
+            )
+        roads = self.travel.roads
+        row = roads.on(edge)
+        if row is None:
+            raise UnknownName("edge", edge)
+        source, target, _ = roads.edge_ids[row]
+        legal = roads.list_edges(here)
+        if edge in legal:
+            return ResolvedAction(target, (here, target), edge=edge)
+        flaw = f"mode {self._mode!r} may not use it"
+        if source != here:
+            flaw = f"it begins on node {source}, and the agent is on node {here}"
+        elif target == here:
+            flaw = f"it leads from node {here} to itself"
+        raise BadValue(f"Edge {edge} is not legal: {flaw}; state['legal_edges'] are {legal}.")
+
+    def _may_name_edges(self, mover: AgentSlot) -> bool:
+        """Return whether an agent moves along one edge per turn, which its action may name."""
+        return self._settings.legal == "edges" and not (mover.flies or mover.travels or mover.speed is not None)
+
+    def list_edges(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
+        """Return the ids of the edges that the action of an agent on a node may name."""
+        return tuple(self.of(mover).travel.roads.list_edges(here)) if self._may_name_edges(mover) else ()
 
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Find the path of an agent by metres: toward a node, along a list of nodes, or None to stop."""

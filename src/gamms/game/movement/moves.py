@@ -19,7 +19,7 @@ from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.progress import Progress
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.game import Deed, EdgePlace, Move, Track
+from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
 
 T = TypeVar("T")
 
@@ -122,7 +122,7 @@ class TurnMoves(TurnMovesInCore):
         moves = {}
         for i in indices:
             slot = self.slots[i]
-            path, _, legs = self.track(i)
+            path, _, legs = self.find_track(i)
             if path[:1] == path[1:2]:  # the track says that it waits for its part of the turn
                 path = path[1:]
             moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], path, legs)
@@ -144,7 +144,7 @@ class TurnMoves(TurnMovesInCore):
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
         slots = [(agent, self.slot_of(agent)) for agent in agents]
-        return [Track((one.current_node_id,), (1.0,)) if i is None else self.track(i) for one, i in slots]
+        return [Track((one.current_node_id,), (1.0,)) if i is None else self.find_track(i) for one, i in slots]
 
     def has_path(self, i: int) -> bool:
         """Return whether the path of the agent of a slot is in `paths`."""
@@ -165,6 +165,18 @@ class TurnMoves(TurnMovesInCore):
         start = self.starts[i]
         end = self.ends[i]
         return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
+
+    def find_track(self, i: int) -> Track:
+        """Return the track of a slot, with the edge that its action has named as a leg."""
+        # NOTE: contacts read `track`: in games that count edges they compare nodes, whatever edge leads to them.
+        track = self.track(i)
+        action = self.actions.get(i)
+        if action is None or action.edge is None or track.path[-1] == self.starts[i]:
+            return track
+        source, target = track.path[-2:]
+        since, until = track.times[-2:]
+        leg = Leg(source, target, action.edge, 0.0, 1.0, since, until)
+        return track._replace(legs=(leg,))
 
     def turn_to(self, i: int, heading: tuple[float, float] | None) -> None:
         """Set the heading that the agent of a slot has chosen at an arrival."""

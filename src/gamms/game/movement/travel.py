@@ -586,6 +586,16 @@ class RoadMap(PathFinder, RoadIds):
         row = core.cheapest(self.map, row_of[source], row_of[target])
         return None if row < 0 else self.edge_ids[row][2]
 
+    def list_edges(self, node: int) -> list[int]:
+        """Return the ids of the edges that agents may take from a node to other nodes, in ascending order."""
+        row = self._row_of.get(node)
+        if row is None:
+            return []
+        columns = self._columns
+        offsets, edges = (columns.offsets, columns.out_edges) if self._edges_at is None else self._edges_at[0]
+        rows = edges[offsets[row] : offsets[row + 1]]
+        return sorted(columns.edge_ids[rows[columns.targets[rows] != row]].tolist())
+
     def search(self, found: TravelSearch) -> None:
         """Let a search find paths on this map."""
         found.take_map(self.map, self.reach.core, self.ids, self.xy, self._row_of, self.edge_rows, self.lines)
@@ -630,6 +640,7 @@ class ResolvedAction(NamedTuple):
     position: Position | None = None  # of an agent that flies
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
+    edge: int | None = None  # id of the edge that the action has named
 
     def is_step(self) -> bool:
         """Return whether the agent stays, or moves along one edge to another node."""

@@ -1,0 +1,199 @@
+"""An agent takes the edge that its action names; of parallel edges, another agent takes the cheapest."""
+
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.movement.legality import IllegalAction
+
+ROADS = [  # (id, source, target, length, who may use it)
+    (10, 0, 1, 50.0, {"walk": True, "taxi": True}),
+    (11, 0, 1, 40.0, {"walk": True}),
+    (12, 0, 1, 90.0, {"taxi": True}),
+    (13, 1, 0, 50.0, {"walk": True}),
+    (14, 1, 2, 50.0, {"walk": True, "taxi": 1}),
+    (15, 0, 0, 5.0, {"walk": True, "taxi": True}),
+]
+
+
+def build(ctx, **options):
+    """Build a town with parallel edges, and an agent on node 0 that takes the actions of its memory in turn."""
+    for node, x in enumerate([0.0, 50.0, 100.0]):
+        ctx.graph.add_node({"id": node, "x": x, "y": 0.0})
+    for id, source, target, length, modes in ROADS:
+        ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": length, **modes})
+    ctx.agent.create_agent("ann", start_node_id=0, team="red", **options)
+
+
+@pytest.fixture
+def town():
+    """An empty town."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        yield ctx
+
+
+def act(*actions):
+    """Return a strategy that takes one action after the other."""
+
+    def strategy(state):
+        state["action"] = actions[state["turn"]]
+
+    return strategy
+
+
+def seen_edges(ctx):
+    """Return the edges that the agents have taken in this turn, as their tracks and visits name them."""
+    ids = [id for id, *_ in ROADS]
+    legs = [[leg.edge for leg in track.legs] for track in ctx.game.tracks(["ann"])]
+    return legs, [visit.edge for visit in ctx.game.visits(edges=ids)]
+
+
+def test_the_named_edge_is_taken(town):
+    build(town, strategy=act({"edge": 12}, 0, {"edge": 10}, {"edge": 14}))
+    town.game.step()
+    (move,) = town.game.moves.values()
+    assert (move.start, move.end, move.path, move.places) == (0, 1, (0, 1), (0, 1))
+    assert [(leg.edge, leg.begin, leg.end, leg.since, leg.until) for leg in move.legs] == [(12, 0.0, 1.0, 0.0, 1.0)]
+    assert seen_edges(town) == ([[12]], [12])
+    assert [(visit.node, visit.time) for visit in town.game.visits()] == [(1, 1.0)]
+    found = [seen_edges(town) for _ in range(3) if town.game.step() or True]
+    assert found == [([[]], [13]), ([[10]], [10]), ([[14]], [14])]
+
+
+@pytest.mark.parametrize(("mode", "edge"), [(None, 11), ("walk", 11), ("taxi", 10)])
+def test_without_a_named_edge_the_cheapest_is_taken_that_the_mode_may_use(town, mode, edge):
+    build(town, strategy=act(1), mode=mode)
+    town.game.step()
+    assert seen_edges(town) == ([[]], [edge])
+
+
+@pytest.mark.parametrize(("mode", "legal"), [(None, (10, 11, 12)), ("walk", (10, 11)), ("taxi", (10, 12))])
+def test_legal_edges_are_those_that_the_mode_may_use(town, mode, legal):
+    seen = []
+
+    def strategy(state):
+        seen.append((state["legal_edges"], state.legal_edges, "legal_edges" in state))
+        state["action"] = {"edge": state["legal_edges"][-1]}
+
+    build(town, strategy=strategy, mode=mode)
+    town.game.step()
+    assert seen == [(legal, legal, True)]
+    assert seen_edges(town) == ([[legal[-1]]], [legal[-1]])
+
+
+@pytest.mark.parametrize(
+    ("action", "kind", "message"),
+    [
+        ({"edge": 99}, UnknownName, "99"),
+        ({"edge": 14}, BadValue, r"Edge 14 .* begins on node 1, and the agent is on node 0; .* \[10, 12\]"),
+        ({"edge": 11}, BadValue, r"Edge 11 .* mode 'taxi' may not use it; .* \[10, 12\]"),
+        ({"edge": 15}, BadValue, "leads from node 0 to itself"),
+        ({"edge": 10, "node_id": 1}, BadValue, "leave out 'node_id'"),
+        ({"edge": "10"}, BadType, "The id of an edge"),
+        ({"edge": None}, BadType, "The id of an edge"),
+    ],
+)
+def test_errors_name_the_edge_and_the_way_out(town, action, kind, message):
+    town.game.on_illegal = "raise"
+    build(town, strategy=act(action), mode="taxi")
+    with pytest.raises(IllegalAction, match=message) as error:
+        town.game.step()
+    assert isinstance(error.value.__cause__, kind)
+
+
+@pytest.mark.parametrize(
+    ("game", "options"),
+    [
+        ({}, {"speed": 2}),
+        ({"legal": "any"}, {}),
+        ({"speed_unit": "metres"}, {"speed": 10}),
+        ({"speed_unit": "metres"}, {}),
+        ({"speed_unit": "metres", "decide": "arrival"}, {"speed": 10}),
+    ],
+)
+def test_where_agents_do_not_take_one_edge_a_turn_named_edges_are_refused(game, options):
+    legal = []
+
+    def strategy(state):
+        legal.append(state["legal_edges"])
+        state["action"] = {"edge": 10}
+
+    with gamms.create_context(seed=1, game=game, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.game.on_illegal = "raise"
+        build(ctx, strategy=strategy, **options)
+        with pytest.raises(IllegalAction, match="names an edge, 10, where agents move along one edge per turn"):
+            ctx.game.step()
+    assert legal == [()]
+
+
+def test_an_agent_stays_whose_named_edge_a_deed_has_closed(town):
+    build(town, strategy=act({"edge": 12}))
+    town.game.add(lambda ctx: ctx.graph.remove_edge(12), phase="deeds")
+    town.game.step()
+    assert town.agent.get_agent("ann").current_node_id == 0
+    assert seen_edges(town) == ([[]], [])
+
+
+def test_named_edges_come_with_deeds_headings_and_parts_of_the_turn():
+    game = {"deeds": {"wave": None}, "order": [["blue"], ["red"]]}
+    with gamms.create_context(seed=1, game=game, logger_config={"level": "CRITICAL"}) as ctx:
+        build(ctx, strategy=act({"edge": 10, "do": {"wave": None}, "orientation": (0, 1)}))
+        ctx.agent.create_agent("ben", start_node_id=2, team="blue", strategy=act(2))
+        ctx.game.step()
+        (leg,) = ctx.game.moves["ann"].legs
+        assert (leg.edge, leg.since, leg.until) == (10, 0.5, 1.0)
+        assert [deed.kind for deed in ctx.game.performed()] == ["wave"]
+        assert ctx.agent.get_agent("ann").orientation == (0.0, 1.0)
+        assert [(visit.node, visit.edge, visit.time, visit.until) for visit in ctx.game.visits([0, 1], [10])] == [
+            (0, None, 0.0, 0.5),
+            (None, 10, 0.5, 1.0),
+            (1, None, 1.0, 1.0),
+        ]
+
+
+def wander(state):
+    """Take any edge of those that are legal."""
+    edges = state["legal_edges"]
+    state["action"] = {"edge": state["draw"].choice(edges)} if edges else state["curr_pos"]
+
+
+def tell_edges(ctx):
+    """Make an event of each edge that an agent has taken."""
+    for visit in ctx.game.visits(edges=[id for id, *_ in ROADS]):
+        ctx.game.emit("took", agent=visit.agent, edge=visit.edge)
+
+
+@pytest.mark.parametrize("mode", [None, "walk"])
+def test_games_of_a_batch_take_the_edges_that_they_take_alone(town, mode):
+    build(town, strategy=wander, mode=mode)
+    town.agent.create_agent("ben", start_node_id=1, team="blue", strategy=gamms.strategies.random_walk)
+    town.game.add(tell_edges)
+    alone = []
+    with town.game.batch(4) as games:
+        games.run(5)
+        found = [games.result(i).events for i in range(4)]
+        assert "4 of them in contexts of their own" in str(games)
+    for seed in range(4):
+        town.game.reset(seed=seed)
+        alone.append(town.game.run(5).events)
+    assert found == alone
+    taken = {event["edge"] for events in alone for event in events if event["agent"] == "ann"}
+    assert taken > {10, 11}
+
+
+def test_forks_and_snapshots_take_the_same_edges(town):
+    build(town, strategy=wander, mode="walk")
+    town.game.add(tell_edges)
+    town.game.step()
+    before = town.game.snapshot()
+    fork = town.game.fork(5)
+    assert fork.tracks(["ann"]) == town.game.tracks(["ann"])
+    assert seen_edges(fork.ctx) == seen_edges(town) != ([[]], [])
+    first = town.game.run(4).events
+    town.game.restore(before)
+    assert seen_edges(town) == seen_edges(fork.ctx)
+    assert town.game.run(4).events == first
+    fork.run(4)
+    town.game.restore(before)
+    other = town.game.fork(5)
+    assert other.run(4).events == fork.result().events
