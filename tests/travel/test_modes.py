@@ -197,6 +197,24 @@ def test_games_that_cannot_follow_a_mode_refuse_it(setting):
             ctx.game.step()
 
 
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+@pytest.mark.parametrize("mode", ["drive", "ferry"])
+def test_an_agent_stays_where_all_edges_of_its_mode_are_closed_until_they_open(unit, mode):
+    with gamms.create_context(seed=1, game={"speed_unit": unit}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 3, spacing=1.0))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "drive": True, **({"ferry": 15.0} if edge < 2 else {})})
+        agent = ctx.agent.create_agent("a", start_node_id=0, speed=1, mode=mode, strategy=strategies.goto(ctx, 1))
+        closed = ctx.graph.close_roads([*ctx.graph.get_edges()])
+        ctx.game.run(2)
+        assert (agent.state["legal"], agent.current_node_id) == ((0,), 0)
+        with pytest.raises(UnknownName, match="Unknown mode 'length'"):
+            ctx.graph.routes.select_mode("length")
+        ctx.graph.open_roads(closed)
+        ctx.game.run(4)
+        assert agent.current_node_id == 1
+
+
 def test_a_keyword_whose_text_names_an_edge_attribute_warns_once_that_it_changes_no_route(caplog):
     with gamms.create_context() as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))

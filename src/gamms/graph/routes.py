@@ -17,7 +17,7 @@ from gamms.arguments import as_range
 from gamms.errors import BadType, UnknownName
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges, select_edges
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, check_mode, find_usable_edges, select_edges
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
@@ -175,6 +175,7 @@ class CachedRoutes(Routes):
         if known is not None and known[:2] == (self._store.revision, known[2].revision):
             return known[2]
         columns = self._store.columns()
+        check_mode(columns, self._store.closed, mode)
         store = GraphStore()
         chosen = select_edges(columns, find_usable_edges(columns, mode))
         store.replace(chosen, self._store.attribution, self._store.scenery, {})

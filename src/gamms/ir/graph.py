@@ -309,15 +309,10 @@ def find_usable_edges(columns: GraphColumns, mode: str) -> "np.ndarray[Any, np.d
         mode: the name of an edge attribute with booleans or numbers, such as the speeds of a mode in km/h.
 
     Raises:
-        UnknownName (KeyError): no edge has the attribute; the message has the attributes that may be modes.
         BadValue: a value of the attribute is neither a boolean nor a number.
     """
     found = np.zeros(len(columns.edge_ids), np.bool_)
-    values = columns.edge_attributes.get(mode)
-    if values is None:
-        known = [name for name, given in columns.edge_attributes.items() if _says_who_may_pass(given)]
-        raise UnknownName("mode", mode, sorted(known), _MODES)
-    for row, value in values.items():
+    for row, value in columns.edge_attributes.get(mode, {}).items():
         if not isinstance(value, _MAY_PASS):
             raise BadValue(
                 f"The edge attribute {mode!r} is no mode: of edge {columns.edge_ids[row]} it is {shown(value)}, and a "
@@ -327,6 +322,19 @@ def find_usable_edges(columns: GraphColumns, mode: str) -> "np.ndarray[Any, np.d
     return found
 
 
+def check_mode(columns: GraphColumns, closed: ClosedEdges, mode: str) -> None:
+    """Refuse a mode that is an attribute of no edge of a graph, closed ones included.
+
+    Raises:
+        UnknownName (KeyError): no edge has the attribute; the message has the attributes that may be modes.
+    """
+    if mode in columns.edge_attributes or any(mode in edge for edge in closed.values() if mode not in _OWN_KEYS):
+        return
+    known = [name for name, given in columns.edge_attributes.items() if _says_who_may_pass(given)]
+    raise UnknownName("mode", mode, sorted(known), _MODES)
+
+
+_OWN_KEYS = ("id", "source", "target", "length", "linestring")  # of closed edges, beside their attributes
 _MODES = " A mode is an edge attribute with true or false, or with speeds."
 _MAY_PASS = (bool, int, float, np.bool_, np.number, type(None))
 

@@ -638,7 +638,7 @@ class RouteQueries:
                 attribute with true and false. Edges where it is true or above 0 may be used.
 
         Raises:
-            UnknownName (KeyError): no edge has this attribute.
+            UnknownName (KeyError): no edge has this attribute, closed ones included.
             BadType, BadValue: the mode is no name, or the attribute has other values.
         """
         name = as_mode(mode)
