@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
-from gamms.rules import tag, time_limit
+from gamms.rules import cooldown, tag, time_limit
 
 
 @pytest.fixture
@@ -447,6 +447,17 @@ def test_a_game_continues_exactly_from_the_middle_of_a_deed(road):
             ctx.game.add(tag("blue", "red", hops=7, then=lambda ctx, bob, ann: ctx.game.respawn(bob, 9)))
             resumed = ctx.game.run(9 - turn)
             assert (resumed.events, resumed.deeds) == (whole.events, whole.deeds)
+
+
+def test_the_arc_of_a_deed_is_outside_the_arcs_of_cooldowns(road):
+    lasts(road)
+    road.plans["ann"] = [{"do": {"defuse": 3, "wait": None}}]
+    road.game.add(cooldown("wait", 5))
+    road.game.run(2)
+    commands = road.visual.draw_commands()
+    rows = (commands.layer == 22).nonzero()[0]
+    tops = commands.points[commands.offsets[rows] + 1]  # the first corners, after the place of the agent
+    assert sorted(tops[:, 1].tolist()) == [-26.0, -26.0, -18.0]
 
 
 def test_what_an_agent_is_doing_is_drawn_as_an_arc_that_closes(road):

@@ -46,7 +46,6 @@ _FINE = 48  # parts of a circle
 _AROUND_PX = 18.0
 _NEXT_PX = 4.0
 _LINE_PX = 3.0
-_DOING_PX = 18.0
 _SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)])
 # how much larger the square of each next team is, and the width of its lines
 _WIDER_PX = 4.0
@@ -141,16 +140,20 @@ def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_doing(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw around each agent how much of a deed that lasts it has done: an arc in its color that closes."""
+    """Draw around each agent how much of a deed that lasts it has done: an arc in its color that closes.
+
+    It is outside the arcs of cooldowns, apart from the disc of the same color.
+    """
     visual = drawing_of(ctx)
+    radius = _AROUND_PX + (1 + len(counted_in(ctx, COOLDOWNS))) * _NEXT_PX
     for state in counted_in(ctx, DOING).values():
         for agent, place, turns in _marked(ctx, state["left"], data):
             share = min(1.0, max(0.0, 1.0 - turns / (state["of"] or 1)))
             with visual.owned(*_owner_of(agent)):
-                visual.render_symbols([place], _arc(1.0, _DOING_PX), SIGN, 1.0)
+                visual.render_symbols([place], _arc(1.0, radius), SIGN, 1.0)
                 if share > 0.0:
                     color = visual.color_of(color_group(agent))
-                    visual.render_symbols([place], _arc(share, _DOING_PX), color, _LINE_PX)
+                    visual.render_symbols([place], _arc(share, radius), color, _LINE_PX)
 
 
 def _owner_of(agent: IAgent) -> Owner:
