@@ -179,6 +179,22 @@ def test_rules_that_follow_in_the_turn_see_what_agents_have_sensed_before_the_ga
             assert_as_alone(games, alone)
 
 
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_functions_read_the_data_of_rules_after_another_game_has_left(phase):
+    def rule(ctx):
+        ctx.game.data["own"] = ctx.game.turn
+        if ctx.game.turn == 2 + ctx.seed % 2:
+            ACTS["flags" if ctx.seed % 2 else "conflicts"](ctx)
+
+    with scene([FLAGS], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(rule, phase=phase)
+        with ctx.game.batch(4) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            whys = ["changes settings, rules or collectors", "reads ctx.game.data, with that of flags"]
+            assert games.detached == {number: f"a plain function {whys[number % 2]}" for number in range(4)}
+            assert_as_alone(games, alone)
+
+
 def go_by_sight(state):
     ((_, seen),) = state["sensor"].values()
     state["action"] = state["legal"][len(seen) % len(state["legal"])]

@@ -56,7 +56,7 @@ class GuardedDict(dict[Any, Any]):
     ) -> None:
         super().__init__(values)
         self._unread = keys
-        self._fill = fill
+        self.fill_by(fill)
         self.is_filled = False
 
     def __bool__(self) -> bool:
@@ -64,6 +64,10 @@ class GuardedDict(dict[Any, Any]):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> dict[Any, Any]:
         return deepcopy({**self}, memo)
+
+    def fill_by(self, fill: Callable[["GuardedDict"], object]) -> None:
+        """Set the function that puts the values in."""
+        self._fill = fill
 
     def fill(self) -> None:
         """Put all values in, unless they are."""

@@ -545,6 +545,8 @@ class ShownGame(GamesInContext):
         elif self._called.core_keys and type(row.data) is not GuardedDict:  # of a game that begins with other data
             own = {key: one for key, one in row.data.items() if key not in self._called.core_keys}
             row.data = self._copy_of_data(own)
+        elif type(row.data) is GuardedDict:  # which another object has made, if a game has left since
+            row.data.fill_by(self._show_core_data)
         return row.data
 
     def _make_over(self) -> dict[str, Any] | None:
