@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_alone, plain, scene
+from batch_scenes import assert_as_alone, check_games, plain, scene
 from hypothesis import HealthCheck, settings
 
 import gamms
@@ -204,3 +204,26 @@ def test_rules_before_turns_look_along_no_node_that_was_removed():
         for play in (ctx.game.step, lambda: ctx.game.batch(1)):
             with pytest.raises(UnknownName, match=f"Unknown node {passed}"):
                 play()
+
+
+@pytest.mark.parametrize("comes", [False, True])
+def test_a_rule_that_lets_agents_come_or_go_before_the_first_moves_sees_the_last_ones(comes):
+    def change(ctx):
+        if ctx.game.turn == 2:
+            if comes:
+                ctx.agent.create_agent("red_9", start_node_id=3, team="red", strategy=stay)
+            else:
+                ctx.agent.delete_agent("blue_0")
+
+    def look(ctx):
+        agents = ctx.game.agents
+        paths = [[list(track.path), list(track.times)] for track in ctx.game.tracks(agents)]
+        ctx.game.emit("seen", paths=dict(zip([agent.name for agent in agents], paths, strict=True)))
+
+    with scene([], max_turns=4).build(seed=1) as ctx:
+        ctx.game.add(change, phase="before")
+        ctx.game.add(look, phase="before")
+        for _ in range(2):
+            ctx.game.step()
+        for result in check_games(ctx, 3, most_agents={"red": ["red_9"]}):
+            assert result.turns == 4

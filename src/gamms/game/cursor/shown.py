@@ -640,7 +640,7 @@ class ShownGame(GamesInContext):
         games = np.array([number])
         if part is not None:
             return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
-        if self._state.turn[number] == self._called.first.turn and not self._core.num_played_parts(number):
+        if not self._has_moved:
             return self._called.first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
         if not took_part.any():
@@ -648,6 +648,12 @@ class ShownGame(GamesInContext):
         moves = self._moves_between(starts, ends, took_part)
         parts = self._parts.settings.order
         return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
+
+    @property
+    def _has_moved(self) -> bool:
+        """Whether agents have moved in the batch; else the last moves are those of the turn before."""
+        number = self._pointed.number
+        return self._state.turn[number] > self._called.first.turn or self._core.num_played_parts(number) > 0
 
     @property
     def _moment(self) -> tuple[int, int | None, bool]:
@@ -844,7 +850,7 @@ class ShownGame(GamesInContext):
             self._pointed.headings = state.headings[number]
             self._pointed.alive = alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
-        if changed and self.part is None:
+        if changed and self.part is None and self._has_moved:
             self._core.place_newcomers(np.array([number]))
         if state.flights is not None:
             for agent, row in zip(self._population.flying, self._population.rows_in_air, strict=True):
