@@ -1,8 +1,10 @@
 """Games of the gallery in which some chase, guard or look for others keep their rules."""
 
 import math
-from itertools import pairwise
+from itertools import chain, pairwise
 
+import networkx as nx
+import numpy as np
 import pytest
 
 from gamms import belief, recorder, scenario
@@ -204,3 +206,120 @@ def test_two_patrols_that_are_reset_collect_what_a_game_of_that_seed_collects():
         games.run(warn=False)
         assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
         assert not games.detached
+
+
+class Streets:
+    """The ways of a map that one mode may use, read from its columns alone."""
+
+    def __init__(self, columns, mode):
+        self.xy = dict(zip(columns.node_ids.tolist(), columns.xy, strict=True))
+        self.ends, self.lines, self.graph = {}, {}, nx.DiGraph()
+        ends = [columns.node_ids[rows].tolist() for rows in (columns.sources, columns.targets)]
+        edges = zip(columns.edge_ids.tolist(), *ends, columns.lengths.tolist(), strict=True)
+        for row, (id, source, target, length) in enumerate(edges):
+            if columns.edge_attributes[mode].get(row, 0.0) > 0.0:
+                line = np.array(columns.polylines.get(row, [self.xy[source], self.xy[target]]))
+                self.ends[id], self.lines[id] = (source, target), line
+                if length < self.graph.get_edge_data(source, target, {"length": math.inf})["length"]:
+                    self.graph.add_edge(source, target, length=length, line=line)
+
+    def part(self, id, begin, end):
+        """Return the points of an edge between two shares of its length."""
+        line = self.lines[id]
+        inner = [one for one in far_along(line) / length_of(line) if min(begin, end) < one < max(begin, end)]
+        shares = np.array([begin, *(inner if begin < end else inner[::-1]), end])
+        return points_at(line, shares * length_of(line))
+
+    def ends_of(self, place, is_start):
+        """Return the nodes next to a place -> the points from the place to the node, or else from the node to it."""
+        node, id, share = place
+        if id < 0:
+            return {node: self.xy[node][None]}
+        source, target = self.ends[id]
+        ways = {target: self.part(id, share, 1.0)} if is_start else {source: self.part(id, 0.0, share)}
+        if self.graph.has_edge(target, source):
+            ways |= {source: self.part(id, share, 0.0)} if is_start else {target: self.part(id, 1.0, share)}
+        return ways
+
+    def path(self, before, after):
+        """Return the points of the shortest way from one place (node, edge, share) to another."""
+        ways = []
+        if min(before[1], after[1]) >= 0 and set(self.ends[before[1]]) == set(self.ends[after[1]]):
+            share = after[2] if self.ends[before[1]] == self.ends[after[1]] else 1 - after[2]
+            if share >= before[2] or self.graph.has_edge(*self.ends[before[1]][::-1]):
+                ways.append(self.part(before[1], before[2], share))
+        for start, head in self.ends_of(before, is_start=True).items():
+            nodes = nx.single_source_dijkstra_path(self.graph, start, cutoff=60, weight="length")
+            for end, tail in self.ends_of(after, is_start=False).items():
+                lines = [self.graph.edges[leg]["line"] for leg in pairwise(nodes.get(end, []))]
+                ways += [np.concatenate([head, *lines, tail])] if end in nodes else []
+        return min(ways, key=length_of)
+
+
+def far_along(line):
+    return np.concatenate([[0.0], np.hypot(*np.diff(line, axis=0).T).cumsum()])
+
+
+def length_of(line):
+    return far_along(line)[-1]
+
+
+def points_at(line, metres):
+    return np.stack([np.interp(metres, far_along(line), values) for values in line.T], axis=1)
+
+
+def places_of(state):
+    """Return the place of each agent at the end of a turn: its node, edge (-1 on a node) and share of the edge."""
+    agents = state.agents
+    on_nodes = np.full(len(agents["name"]), -1)
+    columns = (agents["node"], agents.get("edge", on_nodes), np.nan_to_num(agents.get("edge_share", on_nodes)))
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return dict(zip(agents["name"].tolist(), rows, strict=True))
+
+
+@pytest.fixture(scope="module")
+def streets():
+    """Return the streets of Helsinki for cars and for walkers."""
+    with scenario.from_gallery("checkpoints").build() as ctx:
+        return {mode: Streets(ctx.graph.columns(), mode) for mode in ("walk", "drive")}
+
+
+@pytest.mark.parametrize(("seed", "why"), [(1, "officer"), (3, "exit"), (4, "car")])
+def test_a_referee_with_streets_for_each_mode_finds_the_ways_and_the_winner(tmp_path, streets, seed, why):
+    with scenario.from_gallery("checkpoints").build(seed) as ctx:
+        edges = ctx.graph.columns().edge_ids.tolist()
+        ctx.game.collect("used", lambda ctx: [(visit.agent, visit.edge) for visit in ctx.game.visits(edges=edges)])
+        result = ctx.game.run(record=str(tmp_path / "game.ggr"))
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        states = list(recording)
+    mode_of = {name: "walk" if name.startswith("officer") else "drive" for name in states[0].agents["name"].tolist()}
+    used = {mode: set() for mode in streets}
+    for agent, edge in chain.from_iterable(result.collected["used"]["value"]):
+        used[mode_of[agent]].add(edge)
+    assert all(used[mode] <= streets[mode].lines.keys() for mode in streets)
+    assert used["walk"] - streets["drive"].lines.keys(), "officers leave the roads"
+    for before, after in pairwise(states):
+        paths = {}
+        alive = dict(zip(before.agents["name"].tolist(), before.agents["alive"].tolist(), strict=True))
+        for name, place in places_of(before).items():
+            if alive[name]:
+                line = streets[mode_of[name]].path(place, places_of(after)[name])
+                reach = 5 * (1.5 if mode_of[name] == "walk" else 8)
+                assert length_of(line) <= reach + 1e-2, "no way of its mode is as short as its move"
+                paths[name] = points_at(line, np.linspace(0, reach, 4001))
+        evader = paths["evader_0"]
+        far = {name: np.hypot(*(evader - path).T).min() for name, path in paths.items()}
+        found = {
+            "officer": min(metres for name, metres in far.items() if name.startswith("officer")) < 0.05,
+            "car": min(metres for name, metres in far.items() if name.startswith("police")) < 10,
+            "exit": places_of(after)["evader_0"][:2] in {(node, -1) for node in (5677, 103, 8445, 6659, 112, 3617)},
+        }
+        assert found == {**dict.fromkeys(found, False), **({why: True} if after is states[-1] else {})}
+    assert result.winner == ("evader" if why == "exit" else "police")
+
+
+def test_checkpoints_of_a_batch_are_the_game_alone():
+    game = scenario.from_gallery("checkpoints").replace(max_turns=15)
+    with game.batch(2, seed=5) as games:
+        games.run(warn=False)
+        assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
