@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
 from gamms.rules import Conflicts, cooldown, resource
+from gamms.scenario import Scenario, ScenarioError
 
 
 def amounts(ctx, name="fuel"):
@@ -168,3 +169,119 @@ def test_impossible_cooldowns_are_refused(road):
         cooldown("shoot", 0)
     with pytest.raises(UnknownName, match="shoot"):
         road(a=("red", 0)).game.add(cooldown("shoot", 2))
+
+
+WAYS = [  # (id, source, target, length, attributes)
+    (0, 0, 1, 10.0, {"taxi": True, "toll": 2.5}),
+    (1, 0, 1, 20.0, {"bus": True, "taxi": False}),
+    (2, 1, 2, 10.0, {"taxi": 1, "bus": True}),
+    (3, 1, 2, 30.0, {"bus": True, "toll": 1}),
+    (4, 2, 0, 10.0, {}),
+]
+
+
+def drive_by(ctx, *actions, **options):
+    """Build a map with parallel edges, and an agent on node 0 that takes one action after the other."""
+    for node, xy in enumerate([(0.0, 0.0), (10.0, 0.0), (5.0, 8.0)]):
+        ctx.graph.add_node({"id": node, "x": xy[0], "y": xy[1]})
+    for id, source, target, length, attributes in WAYS:
+        ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": length, **attributes})
+    strategy = lambda state: state.update(action=actions[state["turn"] % len(actions)])
+    ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=strategy, **options)
+
+
+@pytest.fixture
+def city():
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        yield ctx
+
+
+@pytest.mark.parametrize(
+    ("actions", "options", "left"),
+    [
+        ([{"edge": 0}, {"edge": 2}, {"edge": 4}], {}, {"taxi": [4, 3, 3], "bus": [5, 4, 4], "toll": [2.5, 2.5, 2.5]}),
+        ([{"edge": 1}, {"edge": 3}, 0], {}, {"taxi": [5, 5, 5], "bus": [4, 3, 3], "toll": [5, 4, 4]}),
+        ([1, 2, 0], {}, {"taxi": [4, 3, 3], "bus": [5, 4, 4], "toll": [2.5, 2.5, 2.5]}),
+        ([1, 2, 2], {"mode": "bus"}, {"taxi": [5, 4, 4], "bus": [4, 3, 3], "toll": [5, 5, 5]}),
+        ([2, 2, 2], {"speed": 2}, {"taxi": [3, 3, 3], "bus": [4, 4, 4], "toll": [2.5, 2.5, 2.5]}),
+    ],
+)
+def test_an_edge_costs_what_its_attribute_says(city, actions, options, left):
+    drive_by(city, *actions, **options)
+    for name in left:
+        city.game.add(resource(name, 5, per_edge=name))
+    found = {name: [] for name in left}
+    for _ in actions:
+        city.game.step()
+        for name, each in found.items():
+            each.append(amounts(city, name)["a"])
+    assert found == left
+
+
+def test_by_metres_an_edge_is_paid_where_its_end_is_reached(city):
+    city.game.speed_unit = "metres"
+    drive_by(city, 1, 0, 2, 2, speed=6)
+    city.game.add(resource("toll", 5, per_edge="toll"))
+    found = [amounts(city, "toll")["a"] for _ in range(4) if city.game.step() or True]
+    assert found == [5, 2.5, 2.5, 2.5]
+
+
+def test_an_agent_without_tickets_takes_edges_that_cost_nothing(city):
+    drive_by(city, {"edge": 0}, {"edge": 2}, {"edge": 4}, {"edge": 0}, {"edge": 1})
+    city.game.add(resource("taxi", 2, per_edge="taxi"))
+    nodes = []
+    for _ in range(5):
+        city.game.step()
+        nodes.append((city.agent.get_agent("a").current_node_id, why(city, "a")))
+    assert nodes == [(1, None), (2, None), (0, None), (0, "its taxi is used up"), (1, None)]
+
+
+def test_a_price_above_the_amount_is_refused(city):
+    drive_by(city, {"edge": 0})
+    city.game.add(resource("money", 2, per_edge="toll"))
+    city.game.step()
+    assert (why(city, "a"), amounts(city, "money")) == ("it needs 2.5 money, and 2 is left", {"a": 2})
+
+
+def test_an_edge_attribute_that_no_edge_has_or_that_is_no_price_is_refused(city):
+    drive_by(city, 1)
+    with pytest.raises(UnknownName, match=r"taxy.*taxi"):
+        city.game.add(resource("taxi", 5, per_edge="taxy"))
+    city.graph.add_edge({"id": 9, "source": 0, "target": 2, "length": 10.0, "taxi": "yes", "toll": -1})
+    with pytest.raises(BadValue, match="'taxi' is no price: of edge 9 it is 'yes'"):
+        city.game.add(resource("taxi", 5, per_edge="taxi"))
+    with pytest.raises(BadValue, match="of edge 9 it is -1"):
+        city.game.add(resource("toll", 5, per_edge="toll"))
+
+
+@pytest.mark.parametrize("actions", [(1, 2, 0), ({"edge": 0}, {"edge": 3}, {"edge": 4})])
+def test_edges_cost_the_same_in_batches(city, actions):
+    drive_by(city, *actions)
+    city.game.add(resource("taxi", 2, per_edge="taxi"))
+    city.game.add(resource("toll", 6, per_edge="toll"))
+    with city.game.batch(2) as games:
+        games.run(7)
+        found = [games.result(i) for i in range(2)]
+    for seed in range(2):
+        city.game.reset(seed=seed)
+        alone = city.game.run(7)
+        assert (alone.agents, alone.events) == (found[seed].agents, found[seed].events)
+        assert alone.events
+
+
+def test_a_file_names_the_edge_attribute(city, tmp_path):
+    drive_by(city, 1)
+    city.graph.save(tmp_path / "city.gamms")
+    tickets = {"rule": "resource", "with": {"name": "taxi", "start": 2, "per_edge": "taxi"}}
+    teams = {
+        "red": {
+            "agents": [{"name": "a", "node": 0}],
+            "strategy": {"function": "gamms.strategies:goto", "with": {"target": 2}},
+        }
+    }
+    spec = {"folder": tmp_path, "map": {"file": "city.gamms"}, "teams": teams, "max_turns": 4}
+    game = Scenario(**spec, rules=[tickets])
+    events = [(event["turn"], event["kind"]) for event in game.play(seed=1).events]
+    assert events == [(2, "empty")]
+    with pytest.raises(ScenarioError, match="per_edge"):
+        Scenario(**spec, rules=[{**tickets, "with": {**tickets["with"], "per_edge": [1]}}]).build()

@@ -3,8 +3,10 @@
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from functools import partial
 from itertools import pairwise, takewhile
-from math import dist, isfinite
+from math import dist, inf, isfinite
 from typing import Annotated, Any, NamedTuple
+
+import numpy as np
 
 from gamms.arguments import as_choice, as_count, as_mapping, as_name, as_range, shown_as_called
 from gamms.context import Context
@@ -34,7 +36,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     start: float,
     *,
     per_metre: float = 0,
-    per_edge: float = 0,
+    per_edge: float | str = 0,
     per_turn: float = 0,
     per_deed: Mapping[str, float] | None = None,
     recharge: Mapping[Any, float] | None = None,
@@ -56,7 +58,8 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         name: name of the resource, of its facts, and the key of its state.
         start: initial amount of each agent.
         per_metre: price of a map unit: along edges; in a straight line for moves without an edge and in the air.
-        per_edge: price of an edge.
+        per_edge: price of an edge; a text: the edge attribute with the price of each, where true is 1, and false or no
+            value is 0. Agents that have nothing left may then take edges that cost nothing.
         per_turn: price of a turn.
         per_deed: deed -> its price.
         recharge: node -> amount gained at the end of each turn there; for flying agents, if this is their nearest node.
@@ -66,7 +69,8 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
 
     Raises:
         BadType, BadValue: an argument is invalid.
-        UnknownName (KeyError): when the rule is added to a game, a node is not on the map, or a deed is not declared.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map, no edge has the
+            attribute, or a deed is not declared.
     """
     begin = as_range(start, "start")
     full = as_range(start if capacity is None else capacity, "capacity")
@@ -79,14 +83,14 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         begin,
         full,
         as_range(per_metre, "per_metre"),
-        as_range(per_edge, "per_edge"),
+        as_name(per_edge, "an edge attribute") if isinstance(per_edge, str) else as_range(per_edge, "per_edge"),
         as_range(per_turn, "per_turn"),
         {deed: as_range(price, f"per_deed[{shown(deed)}]") for deed, price in prices.items()},
         {as_node_id(node, "A node to recharge"): as_range(rate, f"recharge[{node}]") for node, rate in rates.items()},
         as_choice(empty, "empty", _EMPTY) == "eliminate",
         as_teams_and_roles(teams),
     )
-    lengths = _MoveLengths()
+    lengths = _MoveLengths(tank.per_edge)
 
     def resource(ctx: Context) -> None:
         tank.charge(ctx, lengths)
@@ -110,10 +114,42 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
 
 
 class _MoveLengths:
-    """The lengths of moves on the present map."""
+    """The lengths of moves on the present map, and the prices of their edges.
 
-    def __init__(self) -> None:
+    Args:
+        per_edge: the price of each edge, or the edge attribute that has it.
+    """
+
+    def __init__(self, per_edge: float | str) -> None:
         self._of: tuple[GraphColumns | None, dict[tuple[int, int], float]] = (None, {})
+        self._per_edge = per_edge
+        self._prices: tuple[GraphColumns | None, dict[int, float]] = (None, {})
+
+    def price_edges(self, ctx: Context, agent: IAgent, move: Move) -> float:
+        """Return the price of the edges whose ends an agent reaches by a move.
+
+        Raises:
+            BadValue: the price of an edge is not a number, or less than 0.
+        """
+        steps = [(start, end) for start, end in pairwise(move.path) if start != end]
+        if not isinstance(self._per_edge, str):
+            return len(steps) * self._per_edge
+        if move.legs:
+            edges: list[int | None] = [leg.edge for leg in move.legs if leg.begin < leg.end == 1.0]
+        else:
+            find_edge = ctx.game.internals.parts.turns.find_edge
+            edges = [find_edge(agent, *ends) for ends in steps]
+        return sum([self._price(ctx, self._per_edge, edge) for edge in edges if edge is not None])
+
+    def _price(self, ctx: Context, name: str, edge: int) -> float:
+        columns = ctx.graph.columns()
+        if self._prices[0] is not columns:
+            self._prices = columns, edge_prices(columns, name)
+        price = self._prices[1].get(edge)
+        if price is None:  # it costs nothing, or a rule has closed it since
+            _, closed = ctx.graph.storage.roads()
+            price = _as_price(closed[edge].get(name), name, edge) if edge in closed else 0.0
+        return price
 
     def of(self, ctx: Context, leg: Leg) -> float:
         """Return the length of an edge, open or closed; for a removed edge, the straight line between its ends."""
@@ -134,6 +170,30 @@ class _MoveLengths:
         return dist(*ctx.graph.graph.positions([source, target]).tolist()) if known is None else known
 
 
+def edge_prices(columns: GraphColumns, name: str) -> dict[int, float]:
+    """Return id -> price of the edges that have an attribute.
+
+    Raises:
+        BadValue: a value is neither true nor false nor a number of at least 0.
+    """
+    ids = columns.edge_ids
+    values = columns.edge_attributes.get(name, {})
+    return {(edge := int(ids[row])): _as_price(value, name, edge) for row, value in values.items()}
+
+
+def _as_price(value: object, name: str, edge: int) -> float:
+    """Return the price of an edge from its attribute: true is 1, and false or None 0."""
+    if value is None:
+        return 0.0
+    is_number = isinstance(value, (bool, int, float, np.bool_, np.number))
+    if not is_number or not 0.0 <= float(value) < inf:  # type: ignore[arg-type] # it is a number
+        raise BadValue(
+            f"The edge attribute {name!r} is no price: of edge {edge} it is {shown(value)}, and prices are true, "
+            "false, or numbers of at least 0."
+        )
+    return float(value)  # type: ignore[arg-type] # as above
+
+
 class _ResourceRule(NamedTuple):
     """The checked arguments of `resource`. The state of a game is in `ctx.game.data`."""
 
@@ -141,7 +201,7 @@ class _ResourceRule(NamedTuple):
     start: float
     full: float
     per_metre: float
-    per_edge: float
+    per_edge: float | str
     per_turn: float
     per_deed: dict[str, float]
     recharge: dict[int, float]
@@ -151,6 +211,11 @@ class _ResourceRule(NamedTuple):
     def prepare(self, ctx: Context) -> None:
         """Check the arguments against the game, and publish the amounts."""
         refuse_unknown(ctx, self.recharge)
+        if isinstance(self.per_edge, str):
+            columns = ctx.graph.columns()
+            if self.per_edge not in columns.edge_attributes:
+                raise UnknownName("edge attribute", self.per_edge, sorted(columns.edge_attributes))
+            edge_prices(columns, self.per_edge)
         for deed in self.per_deed:
             fields_of(deed, ctx.game.deeds)
         if self.teams is None:
@@ -194,8 +259,8 @@ class _ResourceRule(NamedTuple):
             if _flies(agent):
                 price = self.per_metre * (agent.speed or 0.0)
             else:
-                price = self._price(ctx, moves[agent.name], lengths)
-            if is_empty:
+                price = self._price(ctx, agent, moves[agent.name], lengths)
+            if is_empty and (price > 0 or not isinstance(self.per_edge, str)):
                 ctx.game.refuse(agent, f"its {self.name} is used up")
             elif price > left * (1 + _SLACK):
                 ctx.game.refuse(agent, f"it needs {price:g} {self.name}, and {left:g} is left")
@@ -219,7 +284,7 @@ class _ResourceRule(NamedTuple):
                 flights = _num_moves(counts, name) - state["flights"].get(name, 0)
                 price = flights * self.per_metre * (agent.speed or 0.0)
             else:
-                price = self._price(ctx, moves[name], lengths) if name in moves else 0.0
+                price = self._price(ctx, agent, moves[name], lengths) if name in moves else 0.0
             before = state["amounts"].get(name, self.start)
             rest = before - price - used[name]
             rest = 0.0 if rest <= before * _SLACK else rest
@@ -248,13 +313,13 @@ class _ResourceRule(NamedTuple):
     def _counts(self, agent: IAgent) -> bool:
         return is_among(agent, self.teams)
 
-    def _price(self, ctx: Context, move: Move, lengths: _MoveLengths) -> float:
-        edges = sum(start != end for start, end in pairwise(move.path))
+    def _price(self, ctx: Context, agent: IAgent, move: Move, lengths: _MoveLengths) -> float:
+        has_edges = any(start != end for start, end in pairwise(move.path))
         if move.legs:
             metres = sum([abs(leg.end - leg.begin) * lengths.of(ctx, leg) for leg in move.legs])
         else:
-            metres = lengths.along(ctx, move.path) if edges and self.per_metre else 0.0
-        return edges * self.per_edge + metres * self.per_metre
+            metres = lengths.along(ctx, move.path) if has_edges and self.per_metre else 0.0
+        return lengths.price_edges(ctx, agent, move) + metres * self.per_metre
 
 
 def _num_moves(counts: Mapping[str, Mapping[str, int]], name: str) -> int:
