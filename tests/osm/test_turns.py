@@ -11,7 +11,7 @@ import pytest
 from turn_referee import Referee, add_signs
 
 import gamms
-from gamms.errors import BadType, BadValue, NoPath, UnknownName
+from gamms.errors import BadFile, BadType, BadValue, NoPath, UnknownName
 from gamms.ir.graph import forbidden_paths
 from gamms.osm import graph_from_file, process_osm_graph, report, resample_columns
 
@@ -351,6 +351,15 @@ def test_a_sign_with_very_many_members_is_unclear(signed):
     path = signed(CROSSING, ARMS, sign("no_exit", [100], [2], [101] * 100))
     assert turns(path) == set()
     assert report(graph_from_file(path, osm_type="drive"), path).turn_restrictions_ignored == 1
+
+
+def test_signs_at_one_node_that_forbid_absurdly_many_turns_are_refused(signed):
+    arms = range(2, 152)
+    nodes = {1: (60.17, 24.94), **{arm: (60.171, 24.94 + 1e-4 * arm) for arm in arms}}
+    signs = [sign("only_straight_on", [98 + arm], [1], [99 + arm]) for arm in arms[:-1]]
+    path = signed(nodes, [([1, arm], STREET) for arm in arms], *signs)
+    with pytest.raises(BadFile, match="more than 11200 ways to go on 150 pieces of road"):
+        graph_from_file(path, osm_type="drive")
 
 
 def test_very_many_ways_between_are_taken_in_their_order(signed):

@@ -6,13 +6,14 @@ is a number: `2 * road` from source to target, and `2 * road + 1` back.
 
 import heapq
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
+from gamms.errors import BadFile
 from gamms.ir.graph import FloatArray, IntArray, read_forbidden_turns
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.objects import Member, plain_tags, words_of
@@ -29,6 +30,8 @@ UNCLEAR = "unclear"  # the sign or the members are not understood
 _PERIODS = frozenset(("day_on", "day_off", "hour_on", "hour_off"))  # keys of an old way to say when
 _MOST_MEMBERS = 100  # of a restriction; real ones have a few
 _MOST_IN_ANY_ORDER = 6  # ways between
+_MOST_BY_ROAD = 8  # forbidden paths; a real map has fewer paths than roads
+_MOST_ON_FEW_ROADS = 10_000
 _AT_SIGNALS = "_on_red"  # end of signs that hold while a signal is red
 
 
@@ -163,7 +166,11 @@ class RoadPieces:
         self._is_one_way = is_one_way
 
     def forbidden(self, restrictions: Iterable[TurnRestriction]) -> tuple[Paths, int]:
-        """Return the paths that restrictions forbid, and the number of restrictions whose roads are on the map."""
+        """Return the paths that restrictions forbid, and the number of restrictions whose roads are on the map.
+
+        Raises:
+            BadFile: they forbid absurdly many.
+        """
         found: dict[tuple[int, ...], None] = {}
         only: dict[tuple[int, ...], set[int]] = {}  # part of a path that is the only one allowed -> the next roads
         count = 0
@@ -176,13 +183,24 @@ class RoadPieces:
                         only.setdefault(path[:end], set()).add(path[end])
             else:
                 found.update(dict.fromkeys(paths))
+                self._refuse_above_most(found)
             count += bool(paths)
         for begin, allowed in only.items():
             at = self._tails[begin[-1] ^ 1]
             leaving = self._leaving[self._offsets[at] : self._offsets[at + 1]].tolist()
             others = (road for road in leaving if road not in allowed and road ^ 1 != begin[-1])
             found.update(((*begin, road), None) for road in others)
+            self._refuse_above_most(found)
         return tuple(found), count
+
+    def _refuse_above_most(self, found: Collection[tuple[int, ...]]) -> None:
+        pieces = len(self._is_one_way)
+        most = _MOST_ON_FEW_ROADS + _MOST_BY_ROAD * pieces
+        if len(found) > most:
+            raise BadFile(
+                f"The turn restrictions of the map forbid more than {most} ways to go on {pieces} pieces of road, "
+                "which no real map does. Remove its relations with type=restriction, or load it without a mode."
+            )
 
     def _is_open(self, path: Sequence[int]) -> bool:
         """Return whether traffic may follow these directed roads by their one-way signs."""
