@@ -35,18 +35,20 @@ def wander(ctx):
     return strategy
 
 
-def compare(teams, turns):
-    """Make the rule that scores the longest time for which each team leaves a node alone, and collects it."""
+def compare(teams, scored):
+    """Make the rule that collects the worst idleness of the teams every ten turns; that of one team is the score."""
 
     def prepare(ctx):
         for team in teams:
-            ctx.game.collect(f"worst_{team}", lambda ctx, team=team: ctx.game.scores[team], every=10)
+            ctx.game.collect(f"worst_{team}", lambda ctx, team=team: worst_idleness(ctx, team), every=10)
 
     def comparison(ctx):
-        for team in teams:
-            ctx.game.scores[team] = float(idleness_table(ctx, team)["worst"].max()) * ctx.game.turn_seconds
-        if ctx.game.turn == turns:
-            ctx.game.end("the patrols are over", winner=min(teams, key=lambda team: ctx.game.scores[team]))
+        ctx.game.scores[scored] = worst_idleness(ctx, scored)
 
     comparison.prepare = prepare
     return comparison
+
+
+def worst_idleness(ctx, team):
+    """Return the longest time for which a team has left a node alone, in seconds."""
+    return float(idleness_table(ctx, team)["worst"].max()) * ctx.game.turn_seconds
