@@ -126,7 +126,11 @@ class PrivateForks:
             raise IllegalMutation("state['legal_edges'] was not read before the state was pickled. Read it before.")
         with phase_of(self._ctx).suspended(changes_world=False):
             turns = self._ctx.game.internals.parts.turns
-            found: tuple[int, ...] = turns.list_legal_edges(state["name"], state["curr_pos"])
+            order = turns.order()
+            at = order.index_of.get(state["name"])
+            found: tuple[int, ...] = ()  # the agent is gone
+            if at is not None:
+                found = turns.legality.list_edges(order.slots[at], state["curr_pos"])
         return found
 
     def note_search(self, decisions: Mapping[str, bool]) -> None:

@@ -169,7 +169,7 @@ class RuleVerbs(Settings):
                 if wanted_nodes is None or node in wanted_nodes
             ]
             if wanted_edges:
-                on_edges = stays_on_edges(track, partial(self._turns.find_edge, agent))
+                on_edges = stays_on_edges(track, partial(self._turns.legality.find_edge, getattr(agent, "mode", None)))
                 each += [(None, edge, stay) for edge, stay in on_edges if edge in wanted_edges]
             found += [
                 Visit(agent.name, agent.team, node, edge, now + since, now + until)

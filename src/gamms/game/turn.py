@@ -65,6 +65,7 @@ class TurnEngine(GameTurn):
         collectors: the collectors of the game.
 
     Attributes:
+        legality: says which nodes and edges are legal for agents.
         begun: the phase of rules in which the game goes on that has left a batch; None: turns begin as usual.
         refusals: collects refusals of rules during their checks; else None.
         messages: the messages that agents send and hear.
@@ -100,10 +101,10 @@ class TurnEngine(GameTurn):
             "join": ("apply", self._join),
             "send": ("apply", self._send),
         }
-        self._legality = Legality(ctx, settings)
-        self.travel = self._legality.travel
+        self.legality = Legality(ctx, settings)
+        self.travel = self.legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
-        self.answers = Decisions(settings, state, phase, self._legality, self.observation, self.sensed)
+        self.answers = Decisions(settings, state, phase, self.legality, self.observation, self.sensed)
         self._loop: EventLoop | None = None
         self.find_shipped: Callable[[TurnOrder], tuple[ShippedDecisions | None, int]] | None = None
         self._order_of: tuple[Any, ...] = ()  # the data that the order depends on, besides the agents
@@ -195,20 +196,7 @@ class TurnEngine(GameTurn):
         order = self.order()
         known = [i for name in names if (i := order.index_of.get(name)) is not None]
         slots = [order.slots[i] for i in known if block.alive[order.selection.rows[i]]]
-        return {slot.name: self._legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
-
-    def list_legal_edges(self, name: str, node: int) -> tuple[int, ...]:
-        """Return the ids of the edges that the action of an agent on a node may name; () if it is gone."""
-        order = self.order()
-        i = order.index_of.get(name)
-        return () if i is None else self._legality.list_edges(order.slots[i], node)
-
-    def find_edge(self, agent: IAgent, source: int, target: int) -> int | None:
-        """Return the id of the edge that an agent takes from one node to another if its action names none.
-
-        It is the cheapest that the agent may use; None: there is none now.
-        """
-        return self._legality.of_mode(getattr(agent, "mode", None)).travel.roads.find_edge(source, target)
+        return {slot.name: self.legality.reachable(slot, block.node_of(slot.row)) for slot in slots}
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
         """Return the current data of an agent's sensors as in its state; these calls are not counted."""
@@ -339,18 +327,18 @@ class TurnEngine(GameTurn):
             state["quat"] = block.flights.quat_of(row)
         else:
             state["curr_pos"] = here
-            state["legal"] = self._legality.reachable(slot, here)
+            state["legal"] = self.legality.reachable(slot, here)
         if slot.travels:
-            self._legality.of(slot).travel.show(state, here, block.on_edge(row))
+            self.legality.of(slot).travel.show(state, here, block.on_edge(row))
         if "time" in state:
-            state["time"] = self._legality.travel.now
+            state["time"] = self.legality.travel.now
         state["turn"] = game.turn
         state["memory"] = game.memory_of(slot.name)  # in batches that of another game than the template has
         known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}
         if "doing" in state:
-            state["doing"] = doing_of(slot.name, slot.team, game, self._settings, self._legality.travel.now)
+            state["doing"] = doing_of(slot.name, slot.team, game, self._settings, self.legality.travel.now)
         if self._settings.channels:
             state["inbox"] = self.read_inbox(slot.name)
             state["outbox"] = []
@@ -564,7 +552,7 @@ class TurnEngine(GameTurn):
 
     def cut_off(self, turn: TurnMoves) -> list[int]:
         """Keep the agents where they are whose way was closed; return their slots."""
-        closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.find_track(i))]
+        closed = [i for i in range(len(turn.slots)) if not self.legality.is_open(turn.find_track(i))]
         return [i for i in closed if turn.stop(i)]
 
     def _block(self, slot: AgentSlot, why: str) -> None:
@@ -689,7 +677,7 @@ class TurnEngine(GameTurn):
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        travel = self._legality.travel
+        travel = self.legality.travel
         self._leave_closed_edges(order, part)
         arrivals = self._arriving(order, part)
         turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
@@ -711,7 +699,7 @@ class TurnEngine(GameTurn):
     def _arriving(self, order: TurnOrder, part: TurnPart) -> ArrivingAgents:
         """Return the agents of a part that decide at arrivals, in the form of the core; the same if possible."""
         known = self._last_arriving.get(self.part)
-        roads = self._legality.travel.roads
+        roads = self.legality.travel.roads
         has_end = self._settings.conflicts is not None
         if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
             known = ArrivingAgents(order, part.members, roads, has_end=has_end)
@@ -765,7 +753,7 @@ class TurnEngine(GameTurn):
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
         block = self._ctx.agent.block
-        travel = self._legality.travel
+        travel = self.legality.travel
         if not block.travellers:
             return
         roads = travel.roads

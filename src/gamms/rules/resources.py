@@ -137,8 +137,9 @@ class _MoveLengths:
         if move.legs:
             edges: list[int | None] = [leg.edge for leg in move.legs if leg.begin < leg.end == 1.0]
         else:
-            find_edge = ctx.game.internals.parts.turns.find_edge
-            edges = [find_edge(agent, *ends) for ends in steps]
+            legality = ctx.game.internals.parts.turns.legality
+            mode = getattr(agent, "mode", None)
+            edges = [legality.find_edge(mode, *ends) for ends in steps]
         return sum([self._price(ctx, self._per_edge, edge) for edge in edges if edge is not None])
 
     def _price(self, ctx: Context, name: str, edge: int) -> float:

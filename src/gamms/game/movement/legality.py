@@ -233,6 +233,13 @@ class Legality:
         """Return the ids of the edges that the action of an agent on a node may name."""
         return tuple(self.of(mover).travel.roads.list_edges(here)) if self._may_name_edges(mover) else ()
 
+    def find_edge(self, mode: str | None, source: int, target: int) -> int | None:
+        """Return the id of the edge that agents of a mode take between two nodes if their action names none.
+
+        It is the cheapest that they may use; None: there is none now.
+        """
+        return self.of_mode(mode).travel.roads.find_edge(source, target)
+
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Find the path of an agent by metres: toward a node, along a list of nodes, or None to stop."""
         travel = self.travel
