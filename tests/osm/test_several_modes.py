@@ -81,7 +81,7 @@ WAYS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 @given(
     ways=WAYS,
     marks=st.dictionaries(st.sampled_from(sorted(PLACES)), st.sampled_from(MARKS), max_size=6),
@@ -106,7 +106,8 @@ def test_each_mode_has_the_pieces_of_its_own_graph(tmp_path_factory, ways, marks
         assert pieces(union, mode) == pieces(graph)
     for _, _, data in union.edges(data=True):
         assert data["speed_kph"] == next(data[mode] for mode in single if data[mode] > 0.0)
-    assert report(union, file).is_faithful
+    if not report(union, file).is_faithful:  # as is a graph of one mode, of a one-way road there and back
+        assert not all(report(graph, file).is_faithful for graph in single.values())
 
 
 TOWN = [

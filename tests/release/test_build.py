@@ -53,7 +53,7 @@ def checkout(tmp_path):
 def small_core(checkout):
     """A checkout whose core is two small modules, which are soon compiled."""
     for path in (checkout / "src/gamms/core").glob("*.pxd"):
-        if path.stem not in {"__init__", "block", "copies"}:
+        if path.stem not in {"__init__", "pursuit", "copies"}:
             path.unlink()
             path.with_suffix(".py").unlink()
     return checkout
@@ -188,16 +188,16 @@ def test_only_modules_whose_text_types_or_compiler_changed_are_compiled(small_co
     log = tmp_path / "log"
     compiler = Path(quick_compiler(tmp_path))
     compiler.write_text(compiler.read_text().replace("\n", f'\necho "$*" >> {log}\n', 1))
-    (core / "block.pxd").write_text("from gamms.core cimport copies\n" + (core / "block.pxd").read_text())
-    assert compiled_by(small_core, str(compiler), log) == {"block", "copies", "_stamp", "_shared"}
+    (core / "pursuit.pxd").write_text("from gamms.core cimport copies\n" + (core / "pursuit.pxd").read_text())
+    assert compiled_by(small_core, str(compiler), log) == {"pursuit", "copies", "_stamp", "_shared"}
     (core / "copies.py").write_text((core / "copies.py").read_text() + "# an edit\n")
     assert compiled_by(small_core, str(compiler), log) == {"copies", "_stamp"}
     (core / "copies.pxd").write_text((core / "copies.pxd").read_text() + "# an edit\n")
-    assert compiled_by(small_core, str(compiler), log) == {"block", "copies", "_stamp"}
+    assert compiled_by(small_core, str(compiler), log) == {"pursuit", "copies", "_stamp"}
     other = tmp_path / "other"
     other.mkdir()
     shutil.copy(compiler, other / "cc")
-    assert compiled_by(small_core, str(other / "cc"), log) == {"block", "copies", "_stamp", "_shared"}
+    assert compiled_by(small_core, str(other / "cc"), log) == {"pursuit", "copies", "_stamp", "_shared"}
 
 
 @needs_compiler
