@@ -159,12 +159,12 @@ def details_of(stored: dict[str, Any], modes: Sequence[str | None]) -> list[tupl
     return [
         alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
         if type(one) is UncreatedMembers
-        else (one._sensor_list, _with_mode(one.__dict__, modes[one._row]), one.strategy)
+        else (one._sensor_list, _add_mode(one.__dict__, modes[one._row]), one.strategy)
         for name, one in stored.items()
     ]
 
 
-def _with_mode(attributes: dict[str, Any], mode: str | None) -> dict[str, Any]:
+def _add_mode(attributes: dict[str, Any], mode: str | None) -> dict[str, Any]:
     """Return the attributes of an agent and its mode, if it has one."""
     return attributes if mode is None else {"mode": mode, **attributes}
 
@@ -172,16 +172,16 @@ def _with_mode(attributes: dict[str, Any], mode: str | None) -> dict[str, Any]:
 def attributes_of(agents: dict[str, BaseAgent], modes: Sequence[str | None]) -> dict[int, dict[str, Any]]:
     """Return the attributes of agents that have any, by row; read-only; `modes` are among them."""
     if not isinstance(agents, AgentsByName):
-        of_each = {row: _with_mode(one.__dict__, modes[one._row]) for row, one in enumerate(agents.values())}
+        of_each = {row: _add_mode(one.__dict__, modes[one._row]) for row, one in enumerate(agents.values())}
         return {row: found for row, found in of_each.items() if found}
     stored = agents.stored_once()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)
     if not any(type(one) is UncreatedMembers and one.columns for one in stored):
         made = {
-            one._row: _with_mode(one.__dict__, modes[one._row]) for one in stored if type(one) is not UncreatedMembers
+            one._row: _add_mode(one.__dict__, modes[one._row]) for one in stored if type(one) is not UncreatedMembers
         }
         return {row: made[row] for row in sorted(made) if made[row]}
     each = {
-        row: one.attributes(name) if type(one) is UncreatedMembers else _with_mode(one.__dict__, modes[one._row])
+        row: one.attributes(name) if type(one) is UncreatedMembers else _add_mode(one.__dict__, modes[one._row])
         for row, (name, one) in enumerate(agents.stored_items())
     }
     return {row: found for row, found in each.items() if found}

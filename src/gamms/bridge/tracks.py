@@ -120,18 +120,20 @@ def _read_all(tracks: object, graph: IGraph) -> dict[str, TrackPoints]:
     if isinstance(tracks, Mapping):
         for key, given in tracks.items():
             name = as_name(key, "an agent")
-            is_file = isinstance(given, (str, os.PathLike))
-            parts[name] = list(read_tracks(as_path(given, "A track"), graph)) if is_file else [_of_fixes(given, graph)]
+            if isinstance(given, (str, os.PathLike)):
+                parts[name] = list(read_tracks(as_path(given, "A track"), graph))
+            else:
+                parts[name] = [_read_fixes(given, graph)]
     elif isinstance(tracks, Iterable) and not isinstance(tracks, (str, bytes)):
         for file in tracks:
             for part in read_tracks(as_path(file, "A track"), graph):
                 parts.setdefault(part.name, []).append(part)
     else:
         raise BadType(f"tracks must be a list of files, or a mapping from names to files, not {shown(tracks)}.")
-    return {name: _in_order(name, some) for name, some in parts.items()}
+    return {name: _sort_parts(name, some) for name, some in parts.items()}
 
 
-def _in_order(name: str, parts: list[TrackPoints]) -> TrackPoints:
+def _sort_parts(name: str, parts: list[TrackPoints]) -> TrackPoints:
     """Return points sorted by time, with the first point of each time only."""
     times = np.concatenate([np.empty(0), *(part.times for part in parts)])
     xy = np.concatenate([np.empty((0, 2)), *(part.xy for part in parts)])
@@ -142,7 +144,7 @@ def _in_order(name: str, parts: list[TrackPoints]) -> TrackPoints:
     return TrackPoints(name, found, xy[is_usable][first])
 
 
-def _of_fixes(given: object, graph: IGraph) -> TrackPoints:
+def _read_fixes(given: object, graph: IGraph) -> TrackPoints:
     if not isinstance(given, Iterable):
         raise BadType(f"A track is a file or a list of fixes, not {shown(given)}.")
     rows = []

@@ -604,7 +604,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._source_of[games] = first + of_games
 
     def _note_begun(self, games: IntArray) -> None:
-        """Note that games have begun: what was given to them before is forgotten."""
+        """Note that games have begun: forget the actions that were given to them before."""
         self._separate.forget(games.tolist())
         if len(games) == len(self):
             self._log = []

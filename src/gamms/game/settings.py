@@ -618,7 +618,7 @@ class _RulePlayer(NamedTuple):
     play: Callable[[], object]
 
 
-def _in_order(rules: Sequence[NamedRule]) -> tuple[NamedRule, ...]:
+def _sort_rules(rules: Sequence[NamedRule]) -> tuple[NamedRule, ...]:
     """Return rules by rank, then in their order; a rule that follows tags comes after them, or else first."""
     specs = {one.name: one.spec for one in rules}
     tags = next((place for place, one in enumerate(rules) if specs[one.name].act_as_one is not None), -1)
@@ -701,7 +701,7 @@ class RuleSet:
         refuse_misfits(spec, self._ctx.game.internals.state, NodesOf(self._ctx))
         if spec.prepare is not None:
             spec.prepare(self._ctx)
-        self.put(RuleTable(_in_order((*self.rules, named))))
+        self.put(RuleTable(_sort_rules((*self.rules, named))))
         self.unchecked.append(named)
 
     def renew(self) -> None:
@@ -722,7 +722,7 @@ class RuleSet:
             prepare = one.spec.prepare
             if prepare is not None and prepare != before[one.name]:
                 prepare(self._ctx)
-        self.put(RuleTable(_in_order(self.rules)))
+        self.put(RuleTable(_sort_rules(self.rules)))
         self.unchecked += [one for one in changed if one not in self.unchecked]
 
     def remove(self, wanted: str | Rule | NamedRule) -> None:

@@ -233,7 +233,7 @@ def _isochrone_of(
     limit: float,
     width: float,
 ) -> Isochrone:
-    """Return what is reached within a limit.
+    """Return the places that are reached within a limit.
 
     Args:
         columns: the graph.
@@ -271,7 +271,7 @@ def _isochrone_of(
 
 
 def _shares(left: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the shares of edges for which what is left suffices; all of an edge that costs nothing."""
+    """Return the shares of edges that the rest of the limit pays for; all of an edge that costs nothing."""
     shares = np.ones(len(left))
     np.divide(left, weights, out=shares, where=weights > left)
     return shares

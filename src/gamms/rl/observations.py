@@ -213,7 +213,7 @@ def graph(nodes: int | None = None) -> MapGraph:
 
 
 def pursuit_observation(view: ArrayView) -> Float32Array:
-    """Return for each action what it leaves to the enemies: `rl.vector_env(…, observation=rl.pursuit_observation)`.
+    """Describe where each action leads: `rl.vector_env(…, observation=rl.pursuit_observation)`.
 
     The entries, `PURSUIT` for each action, do not depend on the size of the map, so that a network for each action
     (`save_policy(…, shared=0)`) plays on all maps. Distances are in edges; enemies and mates are those that the agent's

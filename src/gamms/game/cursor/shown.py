@@ -185,7 +185,8 @@ class ShownGame(GamesInContext):
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
         begun: the phase of rules that is played, if a game can leave in it and go on from there; else None.
-        begins_again: whether the game that leaves has to begin again, because a function has not got what it reads.
+        begins_again: whether the game that leaves has to begin again, because a function reads values that the batch
+            does not keep.
     """
 
     _pointed: PointedContext
