@@ -1,8 +1,12 @@
 """An agent takes the edge that its action names; of parallel edges, another agent takes the cheapest."""
 
+import io
+
 import pytest
+from shapely.geometry import LineString
 
 import gamms
+from gamms import recorder
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.movement.legality import IllegalAction
 
@@ -197,3 +201,76 @@ def test_forks_and_snapshots_take_the_same_edges(town):
     town.game.restore(before)
     other = town.game.fork(5)
     assert other.run(4).events == fork.result().events
+
+
+# -- recordings -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def recorded(town):
+    """A recording of two agents that take named edges, one of them with bends, and stay, in a town of two teams."""
+    town.graph.add_node({"id": 3, "x": 0.0, "y": 50.0})
+    bend = LineString([(0.0, 0.0), (25.0, 30.0), (50.0, 0.0)])
+    build(town, strategy=act({"edge": 12}, 0, {"edge": 10}, 1, {"edge": 14}))
+    town.graph.graph.update_edge({"id": 12, "source": 0, "target": 1, "length": 90.0, "linestring": bend})
+    town.agent.create_agent("ben", start_node_id=1, team="blue", strategy=act({"edge": 13}, {"edge": 11}, 1, 1, 1))
+    stream = io.BytesIO()
+    town.record.start(stream, sensed=True)
+    town.game.run(5)
+    town.record.stop()
+    return stream.getvalue()
+
+
+def test_recordings_have_the_edges_that_actions_have_named(recorded):
+    with recorder.open(io.BytesIO(recorded)) as recording:
+        table = recording.table("edges")
+        assert [*zip(*(table[name].tolist() for name in ("turn", "agent", "edge")), strict=True)] == [
+            (1, "ann", 12),
+            (1, "ben", 13),
+            (2, "ben", 11),
+            (3, "ann", 10),
+            (5, "ann", 14),
+        ]
+        assert recording.table("edges", start=4)["edge"].tolist() == [14]
+        cut = io.BytesIO()
+        recording.cut(cut, "blue")
+    with recorder.open(io.BytesIO(cut.getvalue())) as recording:
+        assert recording.table("edges")["edge"].tolist() == [13, 11]
+
+
+def test_a_replay_that_is_recorded_has_the_same_bytes(recorded):
+    again = io.BytesIO()
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.record.start(again)
+        for _ in ctx.record.replay(io.BytesIO(recorded)):
+            pass
+        ctx.record.stop()
+        assert ctx.game.internals.state.named_edges == {"ann": (5, 14)}
+    assert again.getvalue() == recorded
+
+
+def test_recordings_of_games_whose_actions_name_no_edge_have_no_more_than_before(town):
+    build(town, strategy=act(1, 0, 1))
+    stream = io.BytesIO()
+    town.record.start(stream)
+    town.game.run(3)
+    town.record.stop()
+    stream.seek(0)
+    with recorder.open(stream) as recording:
+        assert sorted(step["event"] for step in recording.steps()) == ["GAME_TURN", "MOVE", "MOVE", "MOVE"]
+        assert "named_edges" not in recording.detached(3).keyframe(3)
+        assert recording.table("edges")["edge"].tolist() == []
+
+
+def test_pictures_show_the_agent_on_the_edge(town, recorded):
+    town.game.reset()
+    town.game.step()
+    motion = town.visual.drawing.motion
+    motion.begin_turn()
+    assert motion.position_of("ann", 0.5) == pytest.approx((25.0, 30.0))
+    town.game.step()
+    town.game.step()
+    motion.begin_turn()
+    assert motion.position_of("ann", 0.5) == pytest.approx((25.0, 0.0))
+    trail = motion.past(3)[-1]
+    assert trail.paths.at(0.5)[trail.rows["ann"]].tolist() == pytest.approx([25.0, 30.0])

@@ -116,3 +116,27 @@ def test_who_looks_on_late_is_sent_what_artists_have_drawn_before():
     *_, state = ShownGame(b"".join(map(zlib.decompress, [*stream.opening, *messages])))
     drawn = {slot for slot in state.slots if slot.startswith("drawing ")}
     assert drawn == {"drawing flags", "drawing flags beneath", "drawing spot"}
+
+
+def test_pages_have_the_edges_that_actions_have_named():
+    stream = io.BytesIO()
+    with gamms.create_context(seed=1) as ctx:
+        for node in range(2):
+            ctx.graph.add_node({"id": node, "x": 50.0 * node, "y": 0.0})
+        for edge, source, length in [(10, 0, 50.0), (11, 0, 90.0), (12, 1, 50.0)]:
+            ctx.graph.add_edge({"id": edge, "source": source, "target": 1 - source, "length": length})
+        actions = [1, {"edge": 12}, {"edge": 11}, 0]
+        ctx.agent.create_agent(
+            "ann", start_node_id=0, strategy=lambda state: state.update(action=actions[state["turn"]])
+        )
+        ctx.agent.create_agent("ben", start_node_id=0, strategy=gamms.strategies.stay)
+        ctx.record.start(stream)
+        ctx.game.run(4)
+        ctx.record.stop()
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        game = game_in(web.page(recording))
+    (part,) = game.sent
+    named = game.columns(part)["named_edges"]
+    at = [divmod(place, part["turns"]) for place in named["at"].tolist()]
+    ann = part["agents"].index("ann")
+    assert [*zip(at, named["edges"].tolist(), strict=True)] == [((ann, 2), 2), ((ann, 3), 1)]

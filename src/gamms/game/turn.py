@@ -823,7 +823,7 @@ class TurnEngine(GameTurn):
             raise
 
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
-        """Write positions on edges, headings and flights of a part to the columns of the agents."""
+        """Write positions on edges, headings, flights and named edges of a part to the agents and the game."""
         rows = turn.order.selection.rows
         paths = turn.paths
         for i in part.present(part.paced):
@@ -838,3 +838,6 @@ class TurnEngine(GameTurn):
                     block.fly(slot.row, action.position)
                 if action.quat is not None:
                     block.turn(slot.row, action.quat)
+        named = turn.find_named_edges()
+        if named:
+            self.state.note_named_edges(named)

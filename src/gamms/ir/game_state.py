@@ -39,7 +39,7 @@ LOGS = ("events", "errors", "deeds", "messages")
 
 _HISTORY = (
     *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
-    *(*LOGS, "marked", "timings"),
+    *(*LOGS, "marked", "named_edges", "timings"),
 )
 
 
@@ -274,6 +274,19 @@ def as_blocked(value: object) -> BlockedAgents:
     return BlockedAgents(value)
 
 
+def as_named_edges(value: object) -> dict[str, tuple[int, int]]:
+    """Return checked edges that actions have named: agent -> the number of the turn, and the id of the edge.
+
+    Raises:
+        BadType: the value is not such a mapping.
+    """
+    pairs = value.items() if isinstance(value, Mapping) else [(None, ())]
+    found = {name: tuple(pair) if isinstance(pair, tuple | list) else () for name, pair in pairs}
+    if not all(isinstance(name, str) and [*map(type, pair)] == [int, int] for name, pair in found.items()):
+        raise BadType(f"The named edges must be a dict of pairs of a turn and an edge, not {shown(value)}.")
+    return cast("dict[str, tuple[int, int]]", found)
+
+
 def as_looks(value: object) -> dict[int, dict[str, Any]]:
     """Return checked pending reports of a sensor: turn -> data by agent name.
 
@@ -310,6 +323,8 @@ class GameState:
         under_way: the messages that agents will hear; replaced, never mutated. Any: the game has its own class.
         messages: messages sent on channels, with receivers and arrival turns, in order, append-only: see `ir.messages`.
         blocked: agent -> reason why its last action was not performed; only for blocked agents.
+        named_edges: agent -> the number of a turn, and the id of the edge that its action has named and that it has
+            taken in this turn: of the last turn in which any agent has; replaced, never mutated.
         facts: published facts, read-only values; this dict object is never replaced.
         agent_facts: agent -> facts published only to it.
         team_facts: team -> facts published only to it.
@@ -358,6 +373,15 @@ class GameState:
         is_seldom=True,
         axis="agent",
         event=ChangeEvent(0x04000009, "GAME_BLOCKED", Audience.ALL, "blocked"),
+    )
+    named_edges: dict[str, tuple[int, int]] = game_field(
+        dict,
+        _same,
+        captured=to_plain,
+        restored=as_named_edges,
+        is_seldom=True,
+        axis="agent",
+        event=ChangeEvent(0x0400000C, "GAME_NAMED_EDGES", Audience.TEAM, "named_edges"),
     )
     facts: dict[str, Any] = game_field(dict, copied_dict, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")
@@ -466,6 +490,16 @@ class GameState:
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the writable memory of an agent."""
         return self.memories.setdefault(name, {})
+
+    def note_named_edges(self, named: Mapping[str, int]) -> None:
+        """Note the edges that agents take in the turn that is played, because their actions have named them."""
+        now = self.turn + 1
+        earlier = {name: pair for name, pair in self.named_edges.items() if pair[0] == now}  # of its earlier parts
+        self.named_edges = earlier | {name: (now, edge) for name, edge in named.items()}
+
+    def named_edges_of(self, turn: int) -> dict[str, int]:
+        """Return agent -> the id of the edge that its action has named, for those that took one in a turn."""
+        return {name: edge for name, (number, edge) in self.named_edges.items() if number == turn}
 
     def clear_history(self) -> None:
         """Clear the history of the game; scores, data, facts and agents' memories stay."""

@@ -138,18 +138,22 @@ class DetachedState(State):
         elif kind == kinds.COMPONENT_DELETE:
             del self.components[data["name"]]
 
+    def number_turn(self, turns: int) -> int:
+        """Return how the game numbers the turn after a number of recorded turns."""
+        counted, at, pace = self._clock
+        return counted + pace * (turns - at)
+
     def keyframe(self, turns: int) -> Keyframe:
         """Return the keyframe after a number of turns, equal to that of a live context."""
         agents = self.agents
         agents.settle()
-        counted, at, pace = self._clock
-        self.game.turn = counted + pace * (turns - at)
+        self.game.turn = self.number_turn(turns)
         classes = [[*key, fields] for key, fields in self.component_classes.items()]
         columns = {**agents.columns, **self.beside_agents}
         sensors = [*self.sensors.values()]
         return {
             **keyframes.packed(columns, agents.following, sensors, self.game, self.rng_state),
-            "pace": pace,
+            "pace": self._clock[2],
             "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
         }
 

@@ -8,7 +8,7 @@ from gamms.arguments import as_int
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS
-from gamms.ir.progress import Progress
+from gamms.ir.progress import Progress, steps_along
 from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
 from gamms.recorder.errors import RecorderBusy, reporting_damage
@@ -80,7 +80,8 @@ class Playback(IPlayback):
 
     def steps(self, turn: int) -> dict[str, Step]:
         """Return the nodes, or 3D positions, of agents before and after their last move, up to a turn."""
-        columns = self._recording.detached(turn).agents.columns
+        state = self._recording.detached(turn)
+        columns = state.agents.columns
         flies = columns["kind"].tolist()
         walks = zip(columns["previous"].tolist(), columns["node"].tolist(), strict=True)
         flights = zip(columns["previous_position"].tolist(), columns["position"].tolist(), strict=True)
@@ -90,7 +91,8 @@ class Playback(IPlayback):
             was, now = (_places_of(self._recording.detached(one).agents.columns) for one in (turn - 1, turn))
             on_edges = [name for name in now if name in was and isinstance(now[name], Progress)]
             found.update((name, (was[name], now[name])) for name in on_edges)
-        return found
+        named = state.game.named_edges_of(state.number_turn(turn))
+        return found | steps_along({name: found[name] for name in named if name in found}, named)
 
     def play_turn(self) -> None:
         """Replay the next turn."""

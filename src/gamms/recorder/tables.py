@@ -9,6 +9,7 @@ from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, as_entry, steps_of
+from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import MESSAGE_COLUMNS, message_table
 from gamms.ir.schema import ON_EDGES
@@ -43,6 +44,7 @@ _POSITIONS: dict[str, type] = {"turn": np.int64, "agent": np.str_, **dict.fromke
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
 _DEEDS: dict[str, type] = {"turn": np.int64, "agent": np.str_, "deed": np.str_, "at": np.int64}
 _MESSAGES: dict[str, type] = {name: np.int64 if name in ("turn", "size") else object for name in MESSAGE_COLUMNS}
+_EDGES: dict[str, type] = {"turn": np.int64, "agent": np.str_, "edge": np.int64}
 _TRAVEL: dict[str, type] = {
     "turn": np.int64,
     "agent": np.str_,
@@ -197,6 +199,14 @@ def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     return _rows_as(_TRAVEL, rows)
 
 
+def _edges(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    """Return the edges that actions have named and agents have taken: turn, agent, edge."""
+    rows: list[tuple[Any, ...]] = []
+    for log, _, _, data in reader.events(start, stop, {kinds.GAME_NAMED_EDGES}):
+        rows += [(log + 1, name, edge) for name, (_, edge) in as_named_edges(data["named_edges"]).items()]
+    return _rows_as(_EDGES, rows)
+
+
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return all scores of each turn in which a score changed."""
     found: dict[int, Any] = {}  # the last value of each turn
@@ -239,6 +249,7 @@ def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
 
 _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
     "deeds": _deeds,
+    "edges": _edges,
     "events": _events,
     "messages": _messages,
     "moves": _moves,

@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_int, as_key
 from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.progress import Progress
+from gamms.ir.progress import Progress, steps_along
 from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
@@ -91,9 +91,11 @@ def as_turns(trails: object) -> int:
     return turns
 
 
-# How a turn ended: the names of the agents, the nodes or points they were at, and the number of the turn; and names and
-# places when it began. One tuple, because two would be searched for garbage in every turn.
-_Turn = tuple[Sequence[str], Sequence[Any], int, Sequence[str], Sequence[Any]]
+# How a turn ended: the names of the agents, the nodes or points they were at, and the number of the turn; names and
+# places when it began; and the edges that actions have named. One tuple, because two would be searched for garbage in
+# every turn.
+_Turn = tuple[Sequence[str], Sequence[Any], int, Sequence[str], Sequence[Any], Mapping[str, int]]
+_NONE_NAMED: Mapping[str, int] = {}
 
 
 class PastTurns:
@@ -127,11 +129,12 @@ class PastTurns:
         if last is None or number < last[2]:  # or the game was reset
             if last is not None:
                 self.forget()
-            last = names, ctx.agent.positions.previous_places, 0, names, ()
+            last = names, ctx.agent.positions.previous_places, 0, names, (), _NONE_NAMED
         if names is not self._names:
             self._names = names
             self.entries = deque(self.entries, self.room)
-        now = names, places, number, last[0], last[1]
+        named = state.named_edges_of(number) if state is not None and state.named_edges else _NONE_NAMED
+        now = names, places, number, last[0], last[1], named
         self.latest = now
         self.entries.append(now)
         if not number:
@@ -161,7 +164,7 @@ class PastTurns:
             self.entries = deque(self.entries, self.room)
         for end in places:
             number += 1
-            self.latest = names, end, number, *before
+            self.latest = names, end, number, *before, _NONE_NAMED
             self.entries.append(self.latest)
             before = names, end
 
@@ -176,7 +179,7 @@ class PastTurns:
         self.entries.extend(past)
         names, places = self._ctx.agent.positions.noted()
         game = self._ctx.current_game
-        self.latest = names, places, 0 if game is None else game.turn, names, places
+        self.latest = names, places, 0 if game is None else game.turn, names, places, _NONE_NAMED
 
     def forget_those_of_another_game(self) -> None:
         """Forget all turns if the game was reset since."""
@@ -209,7 +212,8 @@ class LastMoves:
         for place in range(max(len(entries) - turns, 0), len(entries)):
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
-                entries[place] = self.moves_between(self._steps_of(entry))
+                steps = self._steps_of(entry)
+                entries[place] = self.moves_between(steps | steps_along(steps, entry[-1]))
         return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
 
     def begin_turn(self) -> None:
@@ -225,11 +229,12 @@ class LastMoves:
             previous = dict(zip(positions.names, positions.previous_places, strict=True))
             steps = self._steps_of(latest).items()
             # An agent whose previous node is its node was put there.
-            self.moves = self.moves_between({name: step for name, step in steps if previous.get(name) != step[1]})
+            moved = {name: step for name, step in steps if previous.get(name) != step[1]}
+            self.moves = self.moves_between(moved | steps_along(moved, latest[-1]))
 
     def _steps_of(self, turn: _Turn) -> dict[str, Step]:
         """Return where each agent was at the begin and at the end of a turn, but for agents that were put elsewhere."""
-        names, places, number, names_before, places_before = turn
+        names, places, number, names_before, places_before, _ = turn
         was = dict(zip(names_before, places_before, strict=True))
         game = self._ctx.current_game
         later = takewhile(lambda event: event["turn"] >= number, reversed(() if game is None else game.events))

@@ -66,6 +66,8 @@ class Turn(NamedTuple):
         in_air: the flying agents.
         ways: row of an agent -> rows of the nodes that it passed, unless it moved directly from one node to the next;
             an empty list: it was placed on its node without travel.
+        named: row of an agent -> row of the edge that its action has named, by which it came to its node; -1: the edge
+            is not on this map.
         messages: sender, receiver, and the fate: 0 heard next turn, 1 overheard, 2 lost; 3 for a message that no agent
             is known to hear, which has no receiver.
         changes: changed slots.
@@ -81,6 +83,7 @@ class Turn(NamedTuple):
     on_edges: OnEdges
     in_air: InAir
     ways: Mapping[int, Sequence[int]]
+    named: Mapping[int, int]
     messages: Sequence[tuple[str, str | None, int]]
     changes: Sequence[Change]
     facts: Sequence[Fact]
@@ -133,6 +136,8 @@ def part_of(
         "messages": _messages(turns, row_of),
         "captions": captions,
     }
+    if any(turn.named for turn in turns):
+        body["named_edges"] = _named_edges(turns, rows)
     sensed = [turn.sensed for turn in turns] + [rest]
     if any(one is not None for one in sensed):
         body |= _sensed(sensed, row_of) | {"is_early": is_early}
@@ -203,6 +208,15 @@ def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
         "counts": narrow([len(way) for way in ordered.values()]),
         "nodes": narrow(nodes),
     }
+
+
+def _named_edges(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
+    """Return the edges in `Turn.named` as columns: `at`, see `_joined`, and the edges."""
+    found = dict[int, int]()
+    for at, (turn, row) in enumerate(zip(turns, rows, strict=True)):
+        found |= {int(row[agent]) * len(turns) + at: edge for agent, edge in turn.named.items() if edge >= 0}
+    ordered = dict(sorted(found.items()))
+    return {"at": narrow(list(ordered)), "edges": narrow(list(ordered.values()))}
 
 
 def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[Any, Any]":

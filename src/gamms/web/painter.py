@@ -15,6 +15,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
+from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, is_same
@@ -90,6 +91,7 @@ _QUIET = _UNREAD | {  # kinds of events that change neither rules nor teams nor 
     kinds.GAME_MEMORY,
     kinds.GAME_DEED,
     kinds.GAME_BLOCKED,
+    kinds.GAME_NAMED_EDGES,
     kinds.GAME_MESSAGE,
 }
 _LEAST = 1e-9
@@ -149,7 +151,7 @@ class Painter:
         """Begin a part that can be read without earlier parts; it repeats the last turn."""
         changes = list(self._slots.items())
         facts = list(self._facts.present())
-        last = self._turn({}, [], [], [], None) if self._last is None else self._last
+        last = self._turn({}, {}, [], [], [], None) if self._last is None else self._last
         self._turns = [last._replace(changes=changes, facts=facts, captions=[])]
         self._is_whole = True
 
@@ -180,7 +182,8 @@ class Painter:
             self._sights.forget()
         facts = list(self._facts.changes(log, self._game_turn()))
         ways = self._ways(events)
-        self._last = self._turn(ways, list(self._changes(events)), facts, list(self._captions(events)), sensed)
+        named = self._named_edges(events)
+        self._last = self._turn(ways, named, list(self._changes(events)), facts, list(self._captions(events)), sensed)
         self._turns.append(self._last)
 
     def look_ahead(self, looked: Sequence[Mapping[str, Any]]) -> None:
@@ -217,6 +220,7 @@ class Painter:
     def _turn(
         self,
         ways: Mapping[int, Sequence[int]],
+        named: Mapping[int, int],
         changes: Sequence[Change],
         facts: Sequence[Fact],
         captions: Sequence[Drawn],
@@ -238,7 +242,18 @@ class Painter:
             self._listed = version, list(columns["names"]), sides_in(columns)
         _, names, sides = self._listed
         messages = self._facts.messages
-        return Turn(names, status, nodes, sides, on_edges, air, ways, messages, changes, facts, captions, sensed)
+        return Turn(names, status, nodes, sides, on_edges, air, ways, named, messages, changes, facts, captions, sensed)
+
+    def _named_edges(self, events: Sequence[tuple[int, Any]]) -> dict[int, int]:
+        """Return row of an agent -> row of the edge that its action has named, for those that took one in a turn."""
+        agents = self._state.agents
+        named: dict[str, tuple[int, int]] = {}
+        for kind, data in events:
+            if kind == kinds.GAME_NAMED_EDGES:
+                named = as_named_edges(data["named_edges"])
+        there = {name: edge for name, (_, edge) in named.items() if name in agents.columns["names"]}
+        edges = self._sights.rows("edges", [*there.values()]).tolist()
+        return dict(zip(map(agents.row, there), edges, strict=True))
 
     def _ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
         """Return row of an agent -> rows of passed nodes, see `columns.Turn.ways`."""

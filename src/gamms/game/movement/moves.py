@@ -178,6 +178,11 @@ class TurnMoves(TurnMovesInCore):
         leg = Leg(source, target, action.edge, 0.0, 1.0, since, until)
         return track._replace(legs=(leg,))
 
+    def find_named_edges(self) -> dict[str, int]:
+        """Return agent -> the id of the edge that its action has named, for those that take it."""
+        named = {self.slots[i].name: action.edge for i, action in self.actions.items() if action.edge is not None}
+        return {name: edge for name, edge in named.items() if self.find_track(self.order.index_of[name]).legs}
+
     def turn_to(self, i: int, heading: tuple[float, float] | None) -> None:
         """Set the heading that the agent of a slot has chosen at an arrival."""
         action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))

@@ -44,12 +44,18 @@ function wayOf(world, agent, start, was) {
   let from = was.row;
   for (const to of passedBy(agent, was)) {
     if (to >= 0 && to !== from) {
-      const shape = isBetween ? [world.xy[2 * to], world.xy[2 * to + 1]] : world.pointsBetween(from, to);
+      const shape = isBetween ? [world.xy[2 * to], world.xy[2 * to + 1]] : shapeOf(world, agent, from, to);
       for (let i = isBetween ? 0 : 2; i < shape.length; i++) points.push(shape[i]);
     }
     from = to;
   }
   return isBetween ? [...points, ...end] : points;
+}
+
+/** Return the points of the edge that an agent took, the one that its action has named where it leads there. @param {World} world @param {Agent} agent @param {number} from @param {number} to @returns {ArrayLike<number>} */
+function shapeOf(world, agent, from, to) {
+  const edge = agent.named ?? -1;
+  return world.sources[edge] === from && world.targets[edge] === to ? world.pointsOf(edge) : world.pointsBetween(from, to);
 }
 
 /** Return the place after a share of a way. @param {Way} way @param {number} share @returns {[number, number]} */

@@ -21,6 +21,7 @@ const SHARES = 1 << 16, TURN = 256; // parts of an edge, and of a full turn
  * @property {[number, number, number] | null} position in the air
  * @property {number | null} heading in the air, radians
  * @property {number[] | null} way rows of the nodes that it passed, where it did not simply go from its node to the next; none: it did not travel
+ * @property {number | null} named row of the edge that its action has named, by which it came to its node
  */
 
 /** The parts of a game, which may still grow. */
@@ -91,8 +92,9 @@ export class Recording {
     const known = this.decoded.get(part);
     if (known !== undefined) return known;
     const columns = valueOf(part.bytes);
-    for (const name of ["on_edges", "in_air", "ways"]) {
+    for (const name of ["on_edges", "in_air", "ways", "named_edges"]) {
       const found = columns.get(name);
+      if (found === undefined) continue; // no action of the part names an edge
       found.set("index", new Map(Array.from(found.get("at"), (place, i) => [place, i])));
     }
     columns.get("ways").set("ends", endsOf(columns.get("ways").get("counts")));
@@ -117,7 +119,7 @@ export class Recording {
       if (!(status[at] & THERE)) return;
       found.set(name, {
         name, side: sides[side[at]], alive: Boolean(status[at] & ALIVE), flies: Boolean(status[at] & FLIES), row: nodes[at],
-        edge: edgeAt(columns.get("on_edges"), at), ...airAt(columns.get("in_air"), at, part.step), way: wayAt(columns.get("ways"), at),
+        edge: edgeAt(columns.get("on_edges"), at), ...airAt(columns.get("in_air"), at, part.step), way: wayAt(columns.get("ways"), at), named: namedAt(columns.get("named_edges"), at),
       });
     });
     return found;
@@ -157,6 +159,12 @@ function airAt(columns, at, step) {
 function wayAt(columns, at) {
   const i = columns.get("index").get(at), ends = columns.get("ends");
   return i === undefined ? null : [...columns.get("nodes").subarray(ends[i], ends[i + 1])];
+}
+
+/** Return the row of the edge that an action has named. @param {Map<string, any> | undefined} columns @param {number} at @returns {number | null} */
+function namedAt(columns, at) {
+  const i = columns?.get("index").get(at);
+  return i === undefined ? null : columns?.get("edges")[i];
 }
 
 /** Return where each of several runs ends that have these lengths, behind a 0. @param {ArrayLike<number>} counts */
