@@ -105,29 +105,102 @@ def test_errors_name_the_edge_and_the_way_out(town, action, kind, message):
     assert isinstance(error.value.__cause__, kind)
 
 
-@pytest.mark.parametrize(
-    ("game", "options"),
-    [
-        ({}, {"speed": 2}),
-        ({"legal": "any"}, {}),
-        ({"speed_unit": "metres"}, {"speed": 10}),
-        ({"speed_unit": "metres"}, {}),
-        ({"speed_unit": "metres", "decide": "arrival"}, {"speed": 10}),
-    ],
-)
-def test_where_agents_do_not_take_one_edge_a_turn_named_edges_are_refused(game, options):
+def test_where_agents_may_move_to_any_node_named_edges_are_refused():
     legal = []
 
     def strategy(state):
         legal.append(state["legal_edges"])
         state["action"] = {"edge": 10}
 
-    with gamms.create_context(seed=1, game=game, logger_config={"level": "CRITICAL"}) as ctx:
+    with gamms.create_context(seed=1, game={"legal": "any"}, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.game.on_illegal = "raise"
-        build(ctx, strategy=strategy, **options)
-        with pytest.raises(IllegalAction, match="names an edge, 10, where agents move along one edge per turn"):
+        build(ctx, strategy=strategy)
+        with pytest.raises(IllegalAction, match="names an edge, 10, in a game in which agents may move to any node"):
             ctx.game.step()
     assert legal == [()]
+
+
+@pytest.mark.parametrize("speed", [1, 1.5, 2])
+def test_an_agent_with_a_speed_in_edges_takes_the_named_edge_and_stays_at_its_end(town, speed):
+    build(town, strategy=act({"edge": 12}, {"edge": 14}, {"edge": 14}), speed=speed)
+    town.game.step()
+    (move,) = town.game.moves.values()
+    assert move.path == (0, 1)
+    assert [(leg.edge, leg.begin, leg.end, leg.since, leg.until) for leg in move.legs] == [(12, 0.0, 1.0, 0.0, 1.0)]
+    assert seen_edges(town) == ([[12]], [12])
+    town.game.step()
+    assert seen_edges(town) == ([[14]], [14])
+
+
+def test_a_slow_agent_is_on_the_edge_that_it_names_when_it_arrives(town):
+    build(town, strategy=act({"edge": 12}, {"edge": 12}, {"edge": 14}, 2), speed=0.5)
+    found = [seen_edges(town) for _ in range(4) if town.game.step() or True]
+    assert found == [([[]], []), ([[12]], [12]), ([[]], []), ([[]], [14])]
+
+
+def test_an_agent_by_metres_is_on_the_named_edge(town):
+    town.game.configure({"speed_unit": "metres"})
+    seen = []
+
+    def strategy(state):
+        seen.append((state["edge"], round(state["offset_m"], 6), state["legal_edges"]))
+        state["action"] = [{"edge": 12}, {"edge": 12}, 1, {"edge": 13}, {"edge": 10}, {"edge": 10}][state["turn"]]
+
+    build(town, strategy=strategy, speed=40)
+    legs = []
+    for _ in range(6):
+        town.game.step()
+        (track,) = town.game.tracks(["ann"])
+        legs.append([(leg.edge, round(leg.begin, 6), round(leg.end, 6)) for leg in track.legs if leg.begin != leg.end])
+    assert seen == [
+        (None, 0.0, (10, 11, 12)),
+        ((0, 1, 12), 40.0, (12,)),
+        ((0, 1, 12), 80.0, (12,)),
+        (None, 0.0, (13, 14)),
+        ((1, 0, 13), 40.0, (10, 13)),
+        (None, 0.0, (13, 14)),
+    ]
+    assert legs == [
+        [(12, 0.0, round(40 / 90, 6))],
+        [(12, round(40 / 90, 6), round(80 / 90, 6))],
+        [(12, round(80 / 90, 6), 1.0)],
+        [(13, 0.0, 0.8)],
+        [(13, 0.8, 0.0)],  # it turns around
+        [],
+    ]
+    assert "Edge 10 is not legal: it begins on node 0, and the agent is on node 1" in town.game.errors[0]["message"]
+
+
+@pytest.mark.parametrize(("speed", "edge"), [(0, None), (None, None), (1000, None), (45, (0, 1, 12))])
+def test_an_agent_by_metres_stops_at_the_end_of_the_named_edge(town, speed, edge):
+    town.game.configure({"speed_unit": "metres"})
+    build(town, strategy=act({"edge": 12}), speed=speed)
+    town.game.step()
+    ann = town.agent.get_agent("ann")
+    assert (ann.edge, ann.current_node_id) == (edge, 1 if speed in (None, 1000) else 0)
+    assert seen_edges(town) == ([[12]] if speed != 0 else [[]], [12] if speed != 0 else [])
+
+
+def test_an_agent_on_an_edge_names_that_edge_or_the_one_back(town):
+    town.game.configure({"speed_unit": "metres", "on_illegal": "raise"})
+    build(town, strategy=act({"edge": 10}, {"edge": 11}), speed=10)
+    town.game.step()
+    with pytest.raises(
+        IllegalAction, match=r"Edge 11 .* the agent is on edge 10; state\['legal_edges'\] are \[10, 13\]"
+    ):
+        town.game.step()
+
+
+def test_agents_that_decide_at_arrivals_name_an_edge_at_each_node(town):
+    town.game.configure({"speed_unit": "metres", "decide": "arrival"})
+
+    def strategy(state):
+        state["action"] = {"edge": max(state["legal_edges"])} if state["legal_edges"] else state["curr_pos"]
+
+    build(town, strategy=strategy, speed=120)
+    town.game.step()
+    (track,) = town.game.tracks(["ann"])
+    assert [(leg.edge, leg.begin, round(leg.end, 6)) for leg in track.legs] == [(12, 0.0, 1.0), (14, 0.0, 0.6)]
 
 
 def test_an_agent_stays_whose_named_edge_a_deed_has_closed(town):
@@ -167,9 +240,20 @@ def tell_edges(ctx):
         ctx.game.emit("took", agent=visit.agent, edge=visit.edge)
 
 
-@pytest.mark.parametrize("mode", [None, "walk"])
-def test_games_of_a_batch_take_the_edges_that_they_take_alone(town, mode):
-    build(town, strategy=wander, mode=mode)
+@pytest.mark.parametrize(
+    ("game", "options"),
+    [
+        ({}, {}),
+        ({}, {"mode": "walk"}),
+        ({}, {"speed": 2}),
+        ({"speed_unit": "metres"}, {"speed": 60}),
+        ({"speed_unit": "metres"}, {"speed": 60, "mode": "walk"}),
+        ({"speed_unit": "metres", "decide": "arrival"}, {"speed": 60}),
+    ],
+)
+def test_games_of_a_batch_take_the_edges_that_they_take_alone(town, game, options):
+    town.game.configure(game)
+    build(town, strategy=wander, **options)
     town.agent.create_agent("ben", start_node_id=1, team="blue", strategy=gamms.strategies.random_walk)
     town.game.add(tell_edges)
     alone = []
@@ -181,8 +265,9 @@ def test_games_of_a_batch_take_the_edges_that_they_take_alone(town, mode):
         town.game.reset(seed=seed)
         alone.append(town.game.run(5).events)
     assert found == alone
+    assert all(events for events in alone)
     taken = {event["edge"] for events in alone for event in events if event["agent"] == "ann"}
-    assert taken > {10, 11}
+    assert len(taken & {10, 11, 12}) > 1
 
 
 def test_forks_and_snapshots_take_the_same_edges(town):
@@ -236,6 +321,26 @@ def test_recordings_have_the_edges_that_actions_have_named(recorded):
         recording.cut(cut, "blue")
     with recorder.open(io.BytesIO(cut.getvalue())) as recording:
         assert recording.table("edges")["edge"].tolist() == [13, 11]
+
+
+def test_recordings_by_metres_have_the_edges_and_replays_have_the_same_bytes(town):
+    town.game.configure({"speed_unit": "metres"})
+    build(town, strategy=act({"edge": 12}, 1, {"edge": 13}, {"edge": 10}, {"edge": 10}), speed=50)
+    first, again = io.BytesIO(), io.BytesIO()
+    town.record.start(first)
+    town.game.run(5)
+    town.record.stop()
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.record.start(again)
+        for _ in ctx.record.replay(io.BytesIO(first.getvalue())):
+            pass
+        ctx.record.stop()
+    assert again.getvalue() == first.getvalue()
+    with recorder.open(io.BytesIO(first.getvalue())) as recording:
+        table = recording.table("edges")
+        assert table["turn"].tolist() == [3, 4]
+        assert table["edge"].tolist() == [13, 10]
+        assert recording.table("travel")["edge"].tolist()[0] == 12
 
 
 def test_a_replay_that_is_recorded_has_the_same_bytes(recorded):

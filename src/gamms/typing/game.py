@@ -52,7 +52,7 @@ class EdgeAction(TypedDict):
     """An action of an agent on the ground that names the edge that it takes, and deeds."""
 
     edge: NodeId
-    """The id of an edge that begins on the agent's node: one of `state["legal_edges"]`."""
+    """The id of an edge that begins on the agent's node, or that it is on: one of `state["legal_edges"]`."""
     do: NotRequired[Mapping[str, Any]]
     """Deeds, as declared by `ctx.game.deeds` -> the values of their fields."""
     orientation: NotRequired[tuple[float, float] | None]
@@ -207,8 +207,8 @@ class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
     agent `()`: it is not bound to nodes."""
     legal_edges: tuple[int, ...]
     """The ids of the edges that the action `{"edge": id}` may name, in ascending order: those that lead from the
-    node of the agent to other nodes, and that its mode may use; found when they are first read. `()` for agents with a
-    speed, in games by metres, in games with `legal="any"`, and in the air."""
+    node of the agent to other nodes, and that its mode may use; between two nodes the edge that it is on, and the one
+    back. Found when they are first read. `()` in games with `legal="any"`, and in the air."""
     edge: tuple[int, int, int] | None
     """In games by metres: the edge of the agent (source id, target id, edge id), or None on a node."""
     offset_m: float

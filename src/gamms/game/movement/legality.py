@@ -204,34 +204,43 @@ class Legality:
 
     def _take_edge(self, mover: AgentSlot, here: int, edge: int) -> ResolvedAction:
         """Return the move along an edge that an action has named."""
-        if not self._may_name_edges(mover):
+        if self._settings.legal == "any":
             raise BadValue(
-                f"An action names an edge, {edge}, where agents move along one edge per turn: with legal='edges' and "
-                f"speeds in edges, and the agent has none. Agent {shown(mover.name)} names the next node: "
-                "{'node_id': …}."
+                f"An action names an edge, {edge}, in a game in which agents may move to any node: legal='any'. Agent "
+                f"{shown(mover.name)} names the node: {{'node_id': …}}."
             )
         roads = self.travel.roads
         row = roads.on(edge)
         if row is None:
             raise UnknownName("edge", edge)
-        source, target, _ = roads.edge_ids[row]
-        legal = roads.list_edges(here)
-        if edge in legal:
-            return ResolvedAction(target, (here, target), edge=edge)
-        flaw = f"mode {self._mode!r} may not use it"
-        if source != here:
-            flaw = f"it begins on node {source}, and the agent is on node {here}"
-        elif target == here:
-            flaw = f"it leads from node {here} to itself"
-        raise BadValue(f"Edge {edge} is not legal: {flaw}; state['legal_edges'] are {legal}.")
+        legal = self.list_edges(mover, here)
+        if edge not in legal:
+            flaw = self._why_not_taken(mover, here, roads.edge_ids[row])
+            raise BadValue(f"Edge {edge} is not legal: {flaw}; state['legal_edges'] are {list(legal)}.")
+        if mover.travels:
+            self.travel.over(self.travel.place(mover.row), here, mover.speed, edge)
+            return ResolvedAction(self.travel.end(), (here,), edge=edge)
+        return self.walked(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
 
-    def _may_name_edges(self, mover: AgentSlot) -> bool:
-        """Return whether an agent moves along one edge per turn, which its action may name."""
-        return self._settings.legal == "edges" and not (mover.flies or mover.travels or mover.speed is not None)
+    def _why_not_taken(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
+        """Return why an agent may not take an edge, given by the ids of its ends and its own."""
+        place = self.travel.place(mover.row) if mover.travels else None
+        if place is not None:
+            return f"the agent is on edge {place.edge}"
+        source, target, _ = edge
+        if source != here:
+            return f"it begins on node {source}, and the agent is on node {here}"
+        if target == here:
+            return f"it leads from node {here} to itself"
+        return f"mode {self._mode!r} may not use it"
 
     def list_edges(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
-        """Return the ids of the edges that the action of an agent on a node may name."""
-        return tuple(self.of(mover).travel.roads.list_edges(here)) if self._may_name_edges(mover) else ()
+        """Return the ids of the edges that the action of an agent may name."""
+        if mover.flies or self._settings.legal == "any":
+            return ()
+        travel = self.of(mover).travel
+        place = travel.place(mover.row) if mover.travels else None
+        return tuple(travel.roads.list_edges(here) if place is None else travel.roads.list_around(place.edge))
 
     def find_edge(self, mode: str | None, source: int, target: int) -> int | None:
         """Return the id of the edge that agents of a mode take between two nodes if their action names none.

@@ -171,7 +171,7 @@ class TurnMoves(TurnMovesInCore):
         # NOTE: contacts read `track`: in games that count edges they compare nodes, whatever edge leads to them.
         track = self.track(i)
         action = self.actions.get(i)
-        if action is None or action.edge is None or track.path[-1] == self.starts[i]:
+        if track.legs or action is None or action.edge is None or track.path[-1] == self.starts[i]:
             return track
         source, target = track.path[-2:]
         since, until = track.times[-2:]
@@ -179,9 +179,11 @@ class TurnMoves(TurnMovesInCore):
         return track._replace(legs=(leg,))
 
     def find_named_edges(self) -> dict[str, int]:
-        """Return agent -> the id of the edge that its action has named, for those that take it."""
+        """Return agent -> the id of the edge that its action has named, for those that come to its end."""
         named = {self.slots[i].name: action.edge for i, action in self.actions.items() if action.edge is not None}
-        return {name: edge for name, edge in named.items() if self.find_track(self.order.index_of[name]).legs}
+        tracks = {name: self.find_track(self.order.index_of[name]) for name in named}
+        ends = {name: [stay.edge for stay in track.legs if stay.end == 1.0] for name, track in tracks.items()}
+        return {name: edge for name, edge in named.items() if ends[name] == [edge]}
 
     def turn_to(self, i: int, heading: tuple[float, float] | None) -> None:
         """Set the heading that the agent of a slot has chosen at an arrival."""

@@ -596,6 +596,14 @@ class RoadMap(PathFinder, RoadIds):
         rows = edges[offsets[row] : offsets[row + 1]]
         return sorted(columns.edge_ids[rows[columns.targets[rows] != row]].tolist())
 
+    def list_around(self, edge: int) -> list[int]:
+        """Return the ids of an edge that an agent is on, and of the one for turning around, ascending."""
+        row = self.edge_rows.get(edge)
+        if row is None:
+            return []
+        back = core.back(self.map, row)
+        return sorted([edge] if back < 0 else [edge, self.edge_ids[back][2]])
+
     def search(self, found: TravelSearch) -> None:
         """Let a search find paths on this map."""
         found.take_map(self.map, self.reach.core, self.ids, self.xy, self._row_of, self.edge_rows, self.lines)
@@ -731,6 +739,22 @@ class Travel(TravelSearch):
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
         self.begin(here, place, speed)
         core.go(roads.map, self._trips, 0, motion, len(nodes))
+
+    def over(self, place: Progress | None, here: int, speed: float | None, edge: int) -> None:
+        """Find the path of an agent to the end of an edge out of its node, or of the edge that it is on, or back on it.
+
+        The path is as far as the turn allows.
+        """
+        roads = self.roads
+        if place is None:
+            _, target, _ = roads.edge_ids[roads.edge_rows[edge]]
+            self.begin(here, Progress(here, target, 0.0, edge, Motion.FORWARD), speed)
+        else:
+            self.begin(here, place, speed)
+        motion = Motion.FORWARD if place is None or place.edge == edge else Motion.BACK
+        core.go(roads.map, self._trips, 0, motion, 0)
+        if place is None and self._trips.share[0] == 0.0 and self._trips.edge[0] >= 0:  # it has not left its node
+            self.stay(None, here)
 
     def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:
         """Find the shortest path of an agent toward a node, as far as the turn allows.
