@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import as_int, misspelt
+from gamms.arguments import as_int, as_known
 from gamms.core import by_edges as core
 from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
@@ -23,8 +23,8 @@ from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
 from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Track
 
-_ACTION_KEYS = {"node_id", "edge", "orientation", "do"}  # of an action of an agent on the ground
-_FLIGHT_KEYS = {"direction", "distance", "quat", "do"}  # and of one that flies
+_ACTION_KEYS = ("node_id", "edge", "do", "orientation")  # of an action of an agent on the ground
+_FLIGHT_KEYS = ("direction", "distance", "quat", "do")  # and of one that flies
 _MORE_NODES = 3  # room in addition to the nodes of a path
 
 
@@ -165,9 +165,9 @@ class Legality:
         """
         deeds = None
         keys = _FLIGHT_KEYS if mover.flies else _ACTION_KEYS
-        if isinstance(action, dict) and not action.keys() <= keys:
-            for flaw in misspelt(action, sorted(keys), "key of an action"):
-                raise BadValue(flaw)
+        if isinstance(action, dict):
+            for key in action:
+                as_known(key, "key of an action", keys)
         if isinstance(action, dict) and "do" in action:
             deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
             action = {key: value for key, value in action.items() if key != "do"}
