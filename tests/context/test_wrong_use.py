@@ -179,15 +179,20 @@ def test_a_plan_that_loops_over_names_is_told_so(town):
     [
         ({"node_id": 1, "orientaton": (0, 1)}, "Unknown key of an action 'orientaton'. Did you mean 'orientation'?"),
         ({"nodeid": 1}, "Unknown key of an action 'nodeid'. Did you mean 'node_id'?"),
-        ({"node_id": 1, "note": "x", 7: 8}, None),
+        (
+            {"node_id": 1, "note": "x"},
+            "Unknown key of an action 'note'. There are: 'node_id', 'edge', 'do', 'orientation'.",
+        ),
+        ({"node_id": 1, 7: 8}, "Unknown key of an action 7. There are: 'node_id', 'edge', 'do', 'orientation'."),
+        ({"node_id": 1, "orientation": (0, 1)}, None),
     ],
 )
-def test_only_a_misspelt_key_of_an_action_is_refused(town, action, flaw):
+def test_an_unknown_key_of_an_action_is_refused(town, action, flaw):
     def strategy(state):
         state["action"] = action
 
     town.agent.create_agent("ann", start_node_id=0, strategy=strategy)
-    assert [error["message"] for error in town.game.run(1).errors] == [f"BadValue: {flaw}"] * (flaw is not None)
+    assert [error["message"] for error in town.game.run(1).errors] == [f"UnknownName: {flaw}"] * (flaw is not None)
 
 
 def test_a_misspelt_key_of_a_flight_is_refused(town):

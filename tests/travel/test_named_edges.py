@@ -95,7 +95,11 @@ def test_legal_edges_are_those_that_the_mode_may_use(town, mode, legal):
         ({"edge": 10, "node_id": 1}, BadValue, "leave out 'node_id'"),
         ({"edge": "10"}, BadType, "The id of an edge"),
         ({"edge": None}, BadType, "The id of an edge"),
-        ({"edge": 10, "by": "taxi"}, UnknownName, "Unknown key of an action 'by'. There are: 'node_id', 'edge', 'do', 'orientation'"),
+        (
+            {"edge": 10, "by": "taxi"},
+            UnknownName,
+            "Unknown key of an action 'by'. There are: 'node_id', 'edge', 'do', 'orientation'",
+        ),
         ({"move": 1, "do": {}}, UnknownName, "Unknown key of an action 'move'"),
     ],
 )
