@@ -348,3 +348,28 @@ def test_a_model_is_told_what_its_agent_is_doing(server, strategy_of):
     assert "You are doing" not in texts[0]
     assert 'You are doing "defuse" with {"bomb": 3}. It goes on by itself, and needs 1.5 more turns.' in texts[1]
     assert result.errors == []
+
+
+def test_each_of_several_edges_to_a_node_is_a_move(server, strategy_of):
+    server.script = east
+    with new_game(strategy_of()) as ctx:
+        edge = max(ctx.graph.columns().edge_ids.tolist()) + 1
+        ctx.graph.add_edge({"id": edge, "source": 0, "target": 1, "length": 30.0, "taxi": True})
+        ctx.game.run(1)
+        assert [leg.edge for leg in ctx.game.moves["anna"].legs] == [edge]
+    moves = text_of(server.requests[0]).partition("Your moves:")[2].split("What your sensors")[0].strip().split("\n")
+    assert moves == [
+        "0: stay where you are",
+        "1: go to node 1 at (10, 0), 10 away east",
+        "2: go to node 1 by edge 0, 10 long",
+        f'3: go to node 1 by edge {edge}, 30 long, {{"taxi": true}}',
+    ]
+
+
+def test_a_move_over_an_edge_comes_with_deeds(server, strategy_of):
+    server.script = lambda request: {"move": 2, "do": {"wave": True}}
+    with new_game(strategy_of(), game={"deeds": {"wave": None}}) as ctx:
+        ctx.graph.add_edge({"id": 99, "source": 0, "target": 1, "length": 30.0})
+        ctx.game.run(1)
+        assert [leg.edge for leg in ctx.game.moves["anna"].legs] == [0]
+        assert [deed.kind for deed in ctx.game.performed()] == ["wave"]

@@ -23,8 +23,11 @@ from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.deeds import field_of, wanted_deeds
 from gamms.plain import Plain, as_json, to_plain
 from gamms.text import printable_line, reason, shown
-from gamms.typing.game import AerialState, State
+from gamms.typing.actions import find_parallel_edges
+from gamms.typing.game import AerialState, EdgeAction, State
 
+Move = int | None | EdgeAction
+"""The action of a numbered move; None: stop on an edge."""
 Describe = Callable[[Any], str]
 """Turns a state into a text. Any: `State`, or `AerialState` for agents that fly."""
 
@@ -90,13 +93,13 @@ class Question(NamedTuple):
     Attributes:
         text: the state in words.
         schema: the JSON schema of answers that count.
-        moves: the node that each move number stands for (None: stop on an edge); None instead of a list: the agent
-            flies.
+        moves: the action that each move number stands for: a node, `{"edge": id}` where several edges lead to the node,
+            or None to stop on an edge; None instead of a list: the agent flies.
     """
 
     text: str
     schema: dict[str, Plain]
-    moves: Sequence[int | None] | None
+    moves: "Sequence[Move] | None"
 
 
 class Choice(NamedTuple):
@@ -150,7 +153,7 @@ def question_of(
     Raises:
         BadType: a function that serves as the template returns no text.
     """
-    moves = _moves_of(state)
+    moves = _moves_of(state, ctx)
     if isinstance(template, Template):
         text = template.substitute({name: part(state, ctx) for name, part in PARTS.items()})
     else:
@@ -210,23 +213,38 @@ _REMARKS = {
 # -- the text ---------------------------------------------------------------------------------------------------
 
 
-def _moves_of(state: Mapping[str, Any]) -> Sequence[int | None] | None:
+def _moves_of(state: Mapping[str, Any], ctx: Context | None) -> Sequence[Move] | None:
     here = state["curr_pos"]
     if isinstance(here, tuple):
         return None
     on_edge = [None] if state.get("edge") else []
-    return [*on_edge, *(state.get("legal") or [here])][:MOST_MOVES]
+    moves: list[Move] = [*on_edge, *(state.get("legal") or [here])]
+    edges = {} if ctx is None else find_parallel_edges(state, ctx)
+    moves += [{"edge": edge.id} for node in moves if isinstance(node, int) for edge in edges.get(node, ())]
+    return moves[:MOST_MOVES]
 
 
 def _move_lines(state: Mapping[str, Any], ctx: Context | None) -> str:
-    moves = _moves_of(state)
+    moves = _moves_of(state, ctx)
     if moves is None:
         return "any direction (dx, dy, dz); (0, 0, 0) stays"
     here = _place_of(state, ctx)
     lines = ["0: stay where you are"]
-    for number, node in enumerate(moves[1:], 1):
-        lines.append(f"{number}: go to node {node}{_way(here, _xy(ctx, node))}")
+    for number, move in enumerate(moves[1:], 1):
+        if isinstance(move, dict):
+            lines.append(f"{number}: {_edge_line(move, ctx)}")
+        else:
+            lines.append(f"{number}: go to node {move}{_way(here, _xy(ctx, move))}")
     return "\n".join(lines)
+
+
+def _edge_line(move: EdgeAction, ctx: Context | None) -> str:
+    """Return the move over one of several edges to a node in words."""
+    assert ctx is not None  # noqa: S101 - it has listed the edges
+    edge = ctx.graph.graph.get_edge(int(move["edge"]))
+    attributes = ctx.graph.graph.edge_attributes(edge.id)
+    known = f", {quoted(attributes)}" if attributes else ""
+    return f"go to node {edge.target} by edge {edge.id}, {_number(edge.length)} long{known}"
 
 
 def _place_of(state: Mapping[str, Any], ctx: Context | None) -> tuple[float, ...] | None:
@@ -344,7 +362,7 @@ def _object(fields: dict[str, Plain]) -> dict[str, Plain]:
 
 
 def _schema_of(
-    state: Mapping[str, Any], ctx: Context | None, moves: Sequence[int | None] | None, *, notes: bool
+    state: Mapping[str, Any], ctx: Context | None, moves: Sequence[Move] | None, *, notes: bool
 ) -> dict[str, Plain]:
     text = {"type": ["string", "null"]}
     fields: dict[str, Plain] = {"why": text} if notes else {}  # first: a model gives reasons before it decides
@@ -579,9 +597,11 @@ def choice_of(
     move = _read_whole(answer.get("move"))
     if type(move) is not int or not 0 <= move < len(question.moves):
         raise WrongAnswer(f"'move' is {shown(move)}; it must be a number from 0 to {len(question.moves) - 1}")
-    node = question.moves[move]
-    where = {} if node is None else {"node_id": node}
-    return Choice({**where, "do": done} if done else node, messages, note)
+    chosen = question.moves[move]
+    if not done:
+        return Choice(chosen, messages, note)
+    where = chosen if isinstance(chosen, dict) else {} if chosen is None else {"node_id": chosen}
+    return Choice({**where, "do": done}, messages, note)
 
 
 def _note_in(answer: Mapping[str, Plain]) -> str:

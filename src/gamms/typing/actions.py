@@ -27,7 +27,7 @@ from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, speed_of
 from gamms.ir.graph import as_mode, as_node_id, label_hint
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
-from gamms.typing.graph_engine import IGraph
+from gamms.typing.graph_engine import IGraph, OSMEdge
 
 _STATES = ("state", "states")  # first parameters of strategies
 _CONTEXT = "ctx"  # the first parameter of functions that make strategies
@@ -47,6 +47,17 @@ def as_node(value: object, graph: IGraph) -> int:
             f"An action must be a node id or a dict with 'node_id', not {shown(value)} ({type(value).__name__})."
             f"{label_hint(value, graph)}"
         ) from None
+
+
+def find_parallel_edges(state: Mapping[str, Any], ctx: IContext) -> dict[int, list[OSMEdge]]:
+    """Return node -> the edges to it that the action of an agent may name, for nodes to which several of them lead."""
+    if "legal_edges" not in state and "fork" not in state:  # the state of a program's own loop
+        return {}
+    found: dict[int, list[OSMEdge]] = {}
+    for id in state["legal_edges"]:
+        edge = ctx.graph.graph.get_edge(id)
+        found.setdefault(edge.target, []).append(edge)
+    return {node: edges for node, edges in found.items() if len(edges) > 1}
 
 
 def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
