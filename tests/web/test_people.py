@@ -318,3 +318,44 @@ def test_without_a_server_a_game_of_people_says_what_to_do():
     with pytest.raises(ValueError, match="a person plays"):
         game.batch(2)
     assert game.play(1, strategies={"red": gamms.strategies.stay}).turns == 1
+
+
+BUS = 900
+
+
+def with_bus(ctx):
+    """Add an edge for buses between the first two nodes of a game."""
+    ctx.graph.add_edge({"id": BUS, "source": 0, "target": 1, "length": 30.0, "bus": True})
+    return ctx
+
+
+def test_a_person_chooses_one_of_several_edges_to_a_node(tmp_path):
+    path = tmp_path / "game.ggr"
+    with with_bus(context(web.human(seconds=60.0))) as ctx:
+        ctx.record.start(path)
+        asked = []
+
+        def answer(people, name, question):
+            asked.append(question)
+            wrong = {"question": question["question"], "move": 5, "edge": BUS}
+            for choice in (wrong, {**wrong, "move": 1, "edge": 7}, {**wrong, "move": 1, "edge": str(BUS)}):
+                with pytest.raises(RefusedChoice, match="may not take edge"):
+                    people.choose(name, choice)
+            people.choose(name, {**wrong, "move": 1})
+
+        play(ctx, answer)
+        assert [leg.edge for leg in ctx.game.moves["anna"].legs] == [BUS]
+        edges = {one["edge"]: (one["to"], one["length"], one["attributes"]) for one in asked[0]["edges"]}
+        assert edges == {0: (1, 10.0, {}), BUS: (1, 30.0, {"bus": True})}
+    with recorder.open(path) as recording:
+        assert recording.table("edges")["edge"].tolist() == [BUS]
+        assert recording.table("choice")["action"].tolist() == ['{"edge": 900, "move": 1}']
+    with with_bus(context(web.human(choices=path))) as ctx:
+        ctx.game.run(1)
+        assert [leg.edge for leg in ctx.game.moves["anna"].legs] == [BUS]
+
+
+def test_people_are_asked_for_edges_only_where_several_lead_to_a_node():
+    with context(web.human(seconds=60.0)) as ctx:
+        _, asked = play(ctx, going_to(1))
+    assert "edges" not in asked[0]

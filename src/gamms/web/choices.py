@@ -16,6 +16,7 @@ from gamms.game.channels import checked_outboxes, receivers_of
 from gamms.game.deeds import field_of, wanted_deeds
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
+from gamms.typing.actions import find_parallel_edges
 from gamms.web.links import Refused
 
 EVENT = "choice"
@@ -26,7 +27,7 @@ CHOSEN = "chosen"
 
 _MOST_MOVES = 5000
 _FARTHEST = 1e9  # the maximum component of a direction
-_KEYS = ("question", "move", "do", "messages")  # the keys of a choice
+_KEYS = ("question", "move", "edge", "do", "messages")  # the keys of a choice
 _KEYS_IN_THE_AIR = ("question", "direction", "distance", "do", "messages")
 _MOST_MESSAGES = 8  # in one choice
 _MOST_HEARD = 20  # received messages that are shown to a person
@@ -56,6 +57,7 @@ class Question:
             agents.
         speed: the speed of a flying agent, map units per turn.
         here: the agent's node, or its position (x, y, z).
+        edges: the edges to each node to which several lead: `edge`, its id; `to`, the node; `length` and `attributes`.
         deeds: the available deeds: deed -> field -> `kind`, `choices` (None: any value) and `is_required`.
         channels: the available channels: name -> `to`, the possible receivers, and `bytes`, the maximum number of bytes
             per turn (None: no limit).
@@ -77,6 +79,7 @@ class Question:
     moves: tuple[int | None, ...] | None
     speed: float
     here: Plain
+    edges: list[dict[str, Plain]]
     deeds: dict[str, dict[str, dict[str, Plain]]]
     channels: dict[str, dict[str, Plain]]
     inbox: list[Plain]
@@ -98,6 +101,8 @@ class Question:
         offered: dict[str, Plain] = {"speed": self.speed, "deeds": self.deeds, "channels": self.channels}
         if self.doing is not None:
             offered["doing"] = self.doing
+        if self.edges:
+            offered["edges"] = list(self.edges)
         return {**asked, **offered, "inbox": self.inbox, "left_s": left, "is_chosen": self.chosen is not None}
 
 
@@ -132,6 +137,16 @@ def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
         return None
     on_edge = (None,) if state.get("edge") else ()
     return (*(state.get("legal") or (here,)), *on_edge)[:_MOST_MOVES]
+
+
+def edges_of(state: Mapping[str, Any], ctx: Context) -> list[dict[str, Plain]]:
+    """Return the edges among which a person can choose: those to nodes to which several edges lead."""
+    graph = ctx.graph.graph
+    edges = chain.from_iterable(find_parallel_edges(state, ctx).values())
+    return [
+        {"edge": one.id, "to": one.target, "length": one.length, "attributes": as_json(graph.edge_attributes(one.id))}
+        for one in edges
+    ]
 
 
 def _names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
@@ -194,9 +209,11 @@ def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
 
 
 def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return the part of a choice that is recorded: without `question`, and without empty `do` and `messages`."""
+    """Return the part of a choice that is recorded: without `question`, and without empty `edge`, `do`, `messages`."""
     return {
-        key: value for key, value in choice.items() if key != "question" and (key not in ("do", "messages") or value)
+        key: value
+        for key, value in choice.items()
+        if key != "question" and (key not in ("do", "messages") or value) and (key != "edge" or value is not None)
     }
 
 
@@ -212,6 +229,8 @@ def as_action(choice: Mapping[str, Any]) -> Any:
         direction = tuple(map(float, choice["direction"]))
         distance = {"distance": choice["distance"]} if "distance" in choice else {}
         return {"direction": direction, **distance, **do} if do or distance else direction
+    if choice.get("edge") is not None:
+        return {"edge": choice["edge"], **do}
     if do and choice["move"] is not None:
         return {"node_id": choice["move"], **do}
     return do or choice["move"]
@@ -233,6 +252,13 @@ def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | No
         _check_flight(choice, question)
     elif type(choice.get("move", "")) not in (int, NoneType) or choice["move"] not in question.moves:
         raise RefusedChoice("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
+    offered = {(one["to"], one["edge"]) for one in question.edges}
+    edge = choice.get("edge")
+    if edge is not None and (type(edge) is not int or (choice.get("move"), edge) not in offered):
+        raise RefusedChoice(
+            "illegal",
+            f"Agent {shown(question.agent)} may not take edge {shown(edge)} to {shown(choice.get('move'))} now.",
+        )
     do = _checked_deeds(choice.get("do") or {}, question, ctx)
     _check_messages(choice.get("messages") or [], question, ctx)
     return as_action({**choice, "do": do})

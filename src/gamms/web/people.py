@@ -35,6 +35,7 @@ from gamms.web.choices import (
     channels_of,
     choices_in,
     deeds_of,
+    edges_of,
     inbox_of,
     messages_of,
     moves_of,
@@ -183,7 +184,7 @@ class People(PartOfServer):
             return any(question.chosen is None for _, question in self._questions.values())
 
     def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
-        """Accept the choice of a person: `question`; `move`, or `direction` and `distance`; `do`; and `messages`.
+        """Accept the choice of a person: `question`; `move` with `edge`, or `direction` with `distance`; `do`; `messages`.
 
         Raises:
             RefusedChoice: the choice is late, foreign, illegal or a duplicate; nothing has changed.
@@ -284,6 +285,7 @@ class People(PartOfServer):
                 moves_of(state),
                 ctx.agent.get_agent(state["name"]).speed or 0.0,
                 as_json(state["curr_pos"]),
+                edges_of(state, ctx),
                 deeds_of(state, person.agents, ctx),
                 channels_of(state, person.agents, ctx),
                 inbox_of(state),

@@ -18,6 +18,7 @@ const ARROWS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowD
  * @property {number} question @property {string} agent @property {number} turn @property {number | number[]} here
  * @property {(number | null)[] | null} moves nodes; null among them: stop on the edge; null: it flies
  * @property {number} speed @property {Record<string, Record<string, Field>>} deeds @property {{ kind: string, left: number }} [doing] @property {number} left_s @property {boolean} is_chosen
+ * @property {{edge: number, to: number, length: number, attributes: Record<string, any>}[]} [edges] to each node to which several lead
  * @property {Record<string, {to: any[], bytes: number | null}>} channels by which it can send @property {any[]} inbox what it hears
  * @typedef {{x: number, y: number, move?: number | null, direction?: number[], distance?: number, words: string}} Option what can be chosen, and where that is
  */
@@ -41,11 +42,12 @@ export class Player {
     this.words = element("p", { class: "words", role: "status", "aria-live": "polite" });
     this.shared = element("p", { class: "words faint", role: "status" }); // said where the link is open on several pages
     this.moves = element("div", { class: "moves", role: "group", "aria-label": "Moves" });
+    this.edges = element("div", { class: "deeds" }); // by which of several edges to go to a node
     this.deeds = element("div", { class: "deeds" });
     this.inbox = element("ul", { class: "inbox", "aria-label": "Messages that came" });
     this.outbox = element("div", { class: "outbox" });
     this.element = element("section", { class: "ask card", "aria-label": "Your move", hidden: true },
-      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.inbox, this.words, this.moves, this.deeds, this.outbox, this.shared);
+      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.inbox, this.words, this.moves, this.edges, this.deeds, this.outbox, this.shared);
     app.root.append(this.element);
     for (const { scene } of app.views) scene.overlay = (shown) => this.#paint(shown);
     setInterval(() => this.#tick(), 200);
@@ -97,7 +99,7 @@ export class Player {
     if (question === undefined) {
       refill(this.who, "Your move is made");
       this.words.textContent = this.isWaiting ? "Waiting for others …" : "";
-      for (const part of [this.moves, this.deeds, this.inbox, this.outbox]) refill(part);
+      for (const part of [this.moves, this.edges, this.deeds, this.inbox, this.outbox]) refill(part);
     } else if (isNew) {
       const color = app.views[0].scene.discOf(question.agent)?.color;
       const others = this.questions.length > 1 ? ` (${this.questions.length - left + 1} of ${this.questions.length})` : "";
@@ -107,6 +109,7 @@ export class Player {
       this.words.textContent = isTouch ? `${where}.` : `${where}, or use ${question.moves === null ? "" : "numbers or "}arrow keys and Enter.`;
       if (question.doing) this.words.textContent += ` ${question.agent} is doing ${question.doing.kind}, with ${+question.doing.left.toFixed(2)} turns left.`;
       this.#showMoves(question);
+      this.#showEdges(question);
       this.#showDeeds(question);
       refill(this.inbox, ...question.inbox.map((one) => element("li", {}, element("b", { text: one.sender }), element("span", { class: "aside", text: ` ${one.overheard ? "(overheard) " : ""}${one.channel} ` }), wordsOf(one.body))));
       this.#showOutbox(question);
@@ -155,6 +158,21 @@ export class Player {
       const text = isHere ? one.words : `${i} ${WINDS[windOf(one.x - x, one.y - y)]}`;
       return element("button", { type: "button", class: "wanted", text: text[0].toUpperCase() + text.slice(1), "aria-label": `${i}: ${one.words}`, on: { click: () => this.choose(one, true) } });
     }));
+  }
+
+  /** Offer the edges to each node to which several lead. @param {Question} question */
+  #showEdges({ edges = [] }) {
+    refill(this.edges, ...[...new Set(edges.map((one) => one.to))].map((to) => {
+      const label = `To node ${to} by`, any = element("option", { value: "", text: "the cheapest edge" });
+      const options = edges.filter((one) => one.to === to).map((one) => element("option", { value: one.edge, text: wordsOfEdge(one) }));
+      return element("div", { class: "deed" }, element("label", {}, `${label} `, element("select", { "data-to": to, "aria-label": label }, any, ...options)));
+    }));
+  }
+
+  /** Return the edge that is chosen for a move, to be sent with it. @param {number | null | undefined} move @returns {{edge?: number}} */
+  #wantedEdge(move) {
+    const found = this.edges.querySelector(`select[data-to="${move}"]`);
+    return found?.value ? { edge: Number(found.value) } : {};
   }
 
   /** @param {Question} question */
@@ -218,7 +236,7 @@ export class Player {
     if (question === undefined || (isPointed && performance.now() - this.chosenAt < AGAIN_MS)) return;
     try {
       const deeds = this.#wantedDeeds(), messages = this.#wantedMessages();
-      const move = option.direction === undefined ? { move: option.move ?? null } : { direction: option.direction, ...(option.distance === undefined ? {} : { distance: option.distance }) };
+      const move = option.direction === undefined ? { move: option.move ?? null, ...this.#wantedEdge(option.move) } : { direction: option.direction, ...(option.distance === undefined ? {} : { distance: option.distance }) };
       this.send({ type: "choose", question: question.question, ...move, ...(Object.keys(deeds).length ? { do: deeds } : {}), ...(messages.length ? { messages } : {}) });
       this.chosenAt = performance.now();
     } catch (error) {
@@ -382,6 +400,12 @@ function ring(to, x, y, radius) {
 function wordsOf(body) {
   const words = typeof body === "string" ? body : JSON.stringify(body);
   return words.length > MOST_LETTERS ? `${words.slice(0, MOST_LETTERS)}…` : words;
+}
+
+/** Return what an edge is called: its number, its length and its attributes. @param {{edge: number, length: number, attributes: Record<string, any>}} edge */
+function wordsOfEdge({ edge, length, attributes }) {
+  const known = Object.entries(attributes).filter(([, value]) => value !== false && value !== null).map(([name, value]) => (value === true ? name : `${name} ${wordsOf(value)}`));
+  return [`edge ${edge}`, `${Math.round(length)} long`, ...known].join(", ");
 }
 
 /** Return which of the eight winds a direction is nearest to. @param {number} dx @param {number} dy */
