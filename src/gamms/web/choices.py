@@ -239,6 +239,8 @@ def as_action(choice: Mapping[str, Any]) -> Any:
 def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | None) -> Any:
     """Check a choice, and convert it to a value for `state["action"]`.
 
+    A choice has `question`; `move`, and perhaps `edge`, or `direction` and `distance`; `do`; and `messages`.
+
     Raises:
         RefusedChoice: the choice is illegal.
     """

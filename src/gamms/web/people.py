@@ -184,7 +184,7 @@ class People(PartOfServer):
             return any(question.chosen is None for _, question in self._questions.values())
 
     def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
-        """Accept the choice of a person: `question`; `move` with `edge`, or `direction` with `distance`; `do`; `messages`.
+        """Accept the choice of a person, a dict: see `choices.action_of`.
 
         Raises:
             RefusedChoice: the choice is late, foreign, illegal or a duplicate; nothing has changed.
