@@ -2,6 +2,7 @@
 
 import io
 
+import numpy as np
 import pytest
 from shapely.geometry import LineString
 
@@ -9,6 +10,7 @@ import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.movement.legality import IllegalAction
+from gamms.scenario import Scenario
 
 ROADS = [  # (id, source, target, length, who may use it)
     (10, 0, 1, 50.0, {"walk": True, "taxi": True}),
@@ -385,3 +387,131 @@ def test_pictures_show_the_agent_on_the_edge(town, recorded):
     assert motion.position_of("ann", 0.5) == pytest.approx((25.0, 0.0))
     trail = motion.past(3)[-1]
     assert trail.paths.at(0.5)[trail.rows["ann"]].tolist() == pytest.approx([25.0, 30.0])
+
+
+# -- arrays -----------------------------------------------------------------------------------------------------------
+
+
+@gamms.array_strategy
+def wander_in_arrays(view):
+    """Take any edge of those that are legal, in some turns."""
+    edges = view["legal_edges"]
+    counts = (edges >= 0).sum(axis=-1)
+    number = view.draw.below(np.maximum(counts, 1))
+    chosen = np.take_along_axis(edges, number[..., None], axis=-1)[..., 0] if edges.shape[-1] else number - 1
+    view.take_edges(np.where((view.turn[:, None] % 3 < 2) & (counts > 0), chosen, -1))
+    return np.minimum(1, view.counts - 1)
+
+
+KINDS_OF_GAMES = [
+    ({}, {}),
+    ({}, {"mode": "walk"}),
+    ({}, {"speed": 2}),
+    ({"speed_unit": "metres"}, {"speed": 60, "mode": "taxi"}),
+    ({"speed_unit": "metres"}, {"speed": 30}),
+    ({"speed_unit": "metres", "decide": "arrival"}, {"speed": 60}),
+]
+
+
+@pytest.mark.parametrize(("game", "options"), KINDS_OF_GAMES)
+def test_array_strategies_take_the_edges_in_a_batch_that_they_take_alone(town, game, options):
+    town.game.configure(game)
+    build(town, strategy=wander_in_arrays, **options)
+    town.agent.create_agent("ben", start_node_id=1, team="blue", strategy=gamms.strategies.random_walk)
+    town.game.add(tell_edges)
+    with town.game.batch(4) as games:
+        games.run(5)
+        found = [games.result(i).events for i in range(4)]
+        assert "4 of them in contexts of their own" in str(games)
+    alone = []
+    for seed in range(4):
+        town.game.reset(seed=seed)
+        result = town.game.run(5)
+        assert not result.errors
+        alone.append(result.events)
+    assert found == alone
+    assert len({event["edge"] for events in alone for event in events if event["agent"] == "ann"}) > 1
+
+
+@pytest.mark.parametrize(("game", "options"), KINDS_OF_GAMES[:-1])
+def test_legal_edges_of_views_are_those_of_states(town, game, options):
+    town.game.configure(game)
+    build(town, strategy=wander, **options)
+    town.graph.remove_edge(11)
+    town.agent.create_agent("ben", start_node_id=2, team="red", strategy=gamms.strategies.stay)
+    with town.game.batch(3) as games:
+        for _ in range(4):
+            view = games.observe("red")
+            each = [games.context(i).game.observation("ann")["legal_edges"] for i in range(3)]
+            assert [tuple(row[row >= 0].tolist()) for row in view["legal_edges"][:, 0]] == each
+            assert (view["legal_edges"][:, 1] == -1).all()
+            games.step()
+
+
+@pytest.mark.parametrize(("game", "options"), KINDS_OF_GAMES[:-1])
+def test_actions_from_outside_name_edges(town, game, options):
+    town.game.configure(game)
+    build(town, strategy=gamms.strategies.stay, **options)
+    town.game.add(tell_edges)
+    with town.game.batch(2) as games:
+        taken = []
+        for _ in range(4):
+            legal = games.observe("red")["legal_edges"]
+            edges = legal.max(axis=-1, initial=-1)
+            edges[0] = -1
+            taken.append(edges[1, 0])
+            games.step({"red": {"edges": edges}})
+        assert "1 of them in contexts of their own" in str(games)
+        assert games.result(0).events == []
+        events = games.result(1).events
+        legs = [event["edge"] for event in events]
+    assert legs
+    assert set(legs) <= set(taken)
+
+
+@pytest.mark.parametrize("on_illegal", ["raise", "stay"])
+def test_actions_from_outside_that_name_an_illegal_edge_are_refused_or_the_agent_stays(town, on_illegal):
+    build(town, strategy=gamms.strategies.stay, mode="taxi")
+    with town.game.batch(2) as games:
+        given = {"red": {"moves": [[1], [0]], "edges": [[-1], [11]]}}
+        if on_illegal == "stay":
+            games.step(given, on_illegal="stay")
+            assert games.observe("red")["curr_pos"].tolist() == [[1], [0]]
+            return
+        with pytest.raises(BadValue, match=r"agent 'ann' in game 1, turn 0, may not take edge 11; .* are \[10, 12\]"):
+            games.step(given)
+        with pytest.raises(BadType, match="Edges of team 'red'"):
+            games.step({"red": {"edges": [[0.5], [1.0]]}})
+        assert games.observe("red")["curr_pos"].tolist() == [[0], [0]]
+
+
+def test_recordings_of_games_of_a_batch_have_the_edges_that_were_given(town, tmp_path):
+    build(town)
+    town.graph.save(tmp_path / "town.gamms")
+    teams = {"red": {"agents": [{"name": "ann", "node": 0}], "strategy": "gamms.strategies:stay"}}
+    scenario = Scenario(map={"file": "town.gamms"}, teams=teams, folder=tmp_path)
+    with scenario.batch(2, record=True) as games:
+        for edges in ([[12], [-1]], [[13], [-1]], [[10], [11]]):
+            games.step({"red": {"edges": edges}})
+        for i, taken in enumerate([[12, 13, 10], [11]]):
+            games.record(i, tmp_path / f"{i}.ggr")
+            with recorder.open(tmp_path / f"{i}.ggr") as recording:
+                assert recording.table("edges")["edge"].tolist() == taken
+
+
+def test_edges_that_are_named_late_need_the_actions_before(town):
+    build(town, strategy=gamms.strategies.stay)
+    with town.game.batch(2) as games:
+        games.step({"red": [[1], [1]]})
+        with pytest.raises(BadValue, match="record=True"):
+            games.step({"red": {"edges": [[13], [-1]]}})
+    with town.game.batch(2) as games:
+        games.step({"red": {"moves": [[1], [1]], "edges": [[-1], [-1]]}})
+        games.step({"red": {"edges": [[14], [-1]]}})
+        assert games.observe("red")["curr_pos"].tolist() == [[2], [1]]
+
+
+def test_views_take_edges_only_while_a_strategy_decides(town):
+    build(town, strategy=gamms.strategies.stay)
+    with town.game.batch(2) as games, pytest.raises(BadValue, match="only while a strategy decides"):
+        games.observe("red").take_edges([[10], [10]])

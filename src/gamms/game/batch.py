@@ -290,7 +290,8 @@ class Batch(Surface, Immutable, NotPickled):
             actions: team -> integers, (games, agents of the team, ordered by name): the index in `state["legal"]` of
                 the node that each agent moves to, 0 to stay. Teams without actions play their own strategies. Actions
                 of dead agents and of finished games are ignored. Instead of integers, a dict with the optional keys
-                `"moves"`: the integers, otherwise all stay; `"flights"`: the offsets of flying agents, (games, agents,
+                `"moves"`: the integers, otherwise all stay; `"edges"`: ids of `view["legal_edges"]` that agents take
+                instead, (games, agents), or -1; `"flights"`: the offsets of flying agents, (games, agents,
                 3), map units, otherwise they hover; `"deeds"`: deed -> (where, fields), or `where` alone, a mask
                 (games, agents); and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and
                 `to` are as in `view.do` and `view.send`: one value for all, or arrays (games, agents).
@@ -356,6 +357,7 @@ class Batch(Surface, Immutable, NotPickled):
         """Play one turn of the games, which have played `turns`, (games,)."""
         engine = self._engine
         separate = self._separate
+        self._let_namers_leave(given, turns)
         going = separate.going if separate and self._ran_from is None else []
         separate.check(given if going else {})
 
@@ -374,6 +376,16 @@ class Batch(Surface, Immutable, NotPickled):
             self._play_turn(given, threads, self._engine.turns())
         finally:
             self._given_now = {}
+
+    def _let_namers_leave(self, given: Mapping[Hashable, OutsideActions], turns: IntArray) -> None:
+        """Play games in which actions name edges in contexts of their own from now on, before any game plays."""
+        names_edge = np.zeros(len(self), np.bool_)
+        for one in given.values():
+            names_edge |= one.find_namers()
+        for number in np.flatnonzero(names_edge & ~self._engine.is_over).tolist():
+            if number not in self._separate:
+                self._refuse_unknown_past(number)
+                self._separate.add(number, "an action from outside names an edge by its id", int(turns[number]))
 
     def _take_leaving(self, leaving: Mapping[int, LeavingGame], turns: IntArray) -> None:
         """Play games in contexts of their own from now on.
@@ -428,6 +440,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _as_given(self, team: Hashable, value: object) -> OutsideActions:
         """Return the checked actions of a team; copies if they are kept."""
         members = self._roster.members(team)
+        self._keeps_given |= isinstance(value, Mapping) and "edges" in value  # games may leave
         given = as_given(value, team, (len(self), len(members)), is_copied=self._keeps_given)
         if given.flights is not None and not self._roster.flies[members].any():
             raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")

@@ -18,7 +18,7 @@ from gamms.deciding import DecidePhase
 from gamms.errors import GammsError
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
-from gamms.game.array_functions.view import ArrayStrategy, ArrayView, LearnerWriter, TowardsInBatch, asked_view
+from gamms.game.array_functions.view import ArrayStrategy, ArrayView, LearnerWriter, NeedsEachGame, asked_view
 from gamms.game.block.columns import (
     AgentTable,
     BeginsAgain,
@@ -378,10 +378,10 @@ class GamesOnOneMap:
                 try:
                     actions[rows] = self._actions(view, group)
                     self._take_acts(view)
-                except TowardsInBatch:
+                except NeedsEachGame as error:
                     for number in group.agents.tolist():
                         call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
-                    raise BeginsAgain("view.towards is asked game by game.") from None
+                    raise BeginsAgain(f"{error} is asked game by game.") from None
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise

@@ -227,6 +227,10 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     if view.flies:
         state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
         return
+    edge = -1 if view._named is None else int(view._named[0, place])
+    if edge >= 0:
+        state["action"] = {"edge": edge, "do": done} if done else {"edge": edge}
+        return
     number = int(known.given[0, place])
     action = None if view._aims is None else view._aims.action(number)
     if action is None:
@@ -245,6 +249,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         asked = turns.asked if turns.is_deciding else -1
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
+    view._named = np.full(view.node.shape, -1)
     if view._movement.acts_by_paths:
         graphs = [graph_of(ctx, mode) for mode in (None, *view._movement.modes)]
         view._aims = Aims(graphs, view._movement)

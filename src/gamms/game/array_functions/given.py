@@ -16,7 +16,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
-_KEYS = ("moves", "flights", "deeds", "messages")
+_KEYS = ("moves", "edges", "flights", "deeds", "messages")
 
 
 class OutsideActions(NamedTuple):
@@ -30,6 +30,7 @@ class OutsideActions(NamedTuple):
         may_stay: whether agents with illegal moves stay; else illegal moves are refused.
         are_legal: whether the moves are legal when the turn begins, so that they are not checked then.
         name: the only agent of the team that the actions are for; None: they are for all.
+        edges: ids of edges that agents take instead of their moves, (games, agents), -1 for none; None: none does.
     """
 
     moves: IntArray
@@ -39,11 +40,12 @@ class OutsideActions(NamedTuple):
     may_stay: bool = False
     are_legal: bool = False
     name: str | None = None
+    edges: IntArray | None = None
 
     @property
     def are_moves(self) -> bool:
         """Whether the actions are moves alone."""
-        return self.flights is None and not (self.deeds or self.messages)
+        return self.flights is None and self.edges is None and not (self.deeds or self.messages)
 
     def agents(self, roster: AgentTable, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team that the actions are for."""
@@ -54,6 +56,30 @@ class OutsideActions(NamedTuple):
         if not self.may_stay:
             return moves
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
+
+    def find_namers(self) -> BoolArray:
+        """Return in which games an action names an edge, (games,)."""
+        if self.edges is None:
+            return np.zeros(len(self.moves), np.bool_)
+        found: BoolArray = np.asarray((self.edges >= 0).any(axis=1))
+        return found
+
+    def check_edges(self, view: ArrayView, by: str) -> None:
+        """Refuse edges that agents in the mask of a view may not take, unless these agents may stay.
+
+        Raises:
+            BadValue: an edge is not legal.
+        """
+        if self.edges is None or self.may_stay:
+            return
+        edges = self.edges[view.games]
+        is_wrong = view.mask & (edges >= 0) & ~(view["legal_edges"] == edges[..., None]).any(axis=-1)
+        for game, agent in np.argwhere(is_wrong)[:1].tolist():
+            legal = view["legal_edges"][game, agent]
+            raise BadValue(
+                f"{by}: agent {shown(view['name'][agent])} in game {view.games[game]}, turn {view.turn[game]}, may not "
+                f"take edge {edges[game, agent]}; view['legal_edges'] are {legal[legal >= 0].tolist()}."
+            )
 
     def act(self, view: ArrayView) -> None:
         """Carry out the given deeds and messages of the agents in the mask of a view."""
@@ -105,9 +131,15 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     flights = own(value.get("flights"))
     if flights is not None:
         flights = as_flights(flights, f"Flights of {by}", shape)
+    edges = _as_edges(own(value.get("edges")), shape, by)
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
-    return OutsideActions(moves, deeds, messages, flights)
+    return OutsideActions(moves, deeds, messages, flights, edges=edges)
+
+
+def _as_edges(edges: object, shape: tuple[int, int], by: str) -> IntArray | None:
+    """Return checked ids of edges, (games, agents); None: none are given."""
+    return None if edges is None else as_array(edges, f"Edges of {by}", "integers", shape)
 
 
 def as_kept(moves: IntArray) -> IntArray:
@@ -189,7 +221,7 @@ class _OutsideStrategy:
 
     def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
         """Set the action of the agent at an index of the columns."""
-        moves, deeds, messages, flights, *_ = self.given
+        moves, deeds, messages, flights = self.given[:4]
         number = self.number
         do = {
             deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
@@ -204,6 +236,11 @@ class _OutsideStrategy:
         if "quat" in state:  # it flies
             flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
             state["action"] = flown(flight, speed, do)
+            return
+        if self.given.edges is not None and self.given.edges[number, i] >= 0:
+            edge = int(self.given.edges[number, i])
+            is_legal = not self.given.may_stay or edge in state["legal_edges"]
+            state["action"] = {**({"edge": edge} if is_legal else {}), "do": do}
             return
         legal = state["legal"]
         move = int(moves[number, i])

@@ -60,8 +60,8 @@ _TURNS_AHEAD = 100  # if learners could be on all nodes within as many turns, al
 _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
 
 
-class TowardsInBatch(Exception):
-    """An array strategy calls `towards` for agents with speeds: batches have to call it game by game."""
+class NeedsEachGame(Exception):
+    """An array strategy does what batches let it do only game by game: the message says what."""
 
 
 class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
@@ -91,6 +91,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
+    _named: IntArray | None = None  # the edges that the agents take, -1: none; None: no strategy decides in one game
     _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
     _width: int | None = None  # the number of actions that vectors have entries for; None: that of the map
 
@@ -195,6 +196,10 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         rows, is_legal = self.legal_rows()
         return np.where(is_legal, self.streets.ids_of(rows), -1)
 
+    def _legal_edges(self) -> IntArray:
+        found = self._movement.legal_edges(self.node, numbers_in(self, np.s_[:, :]))
+        return np.where(self._in_air[..., None], -1, found)
+
     def _places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
         found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
@@ -235,7 +240,27 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             return self._aims.towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
         if self._deeds is None:
             raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
-        raise TowardsInBatch
+        raise NeedsEachGame("view.towards")
+
+    def take_edges(self, edges: object) -> None:
+        """Make agents take edges, whatever moves the strategy returns for them.
+
+        Batches call a strategy that calls this game by game, and a game in which an agent takes an edge leaves its
+        batch.
+
+        Args:
+            edges: the ids of edges, (games, agents), of those in `view["legal_edges"]`; -1: the agent moves as the
+                strategy returns. Agents outside the view's mask are skipped.
+
+        Raises:
+            BadType, BadValue: they are not integers, or no strategy is deciding.
+        """
+        if self._deeds is None:
+            raise BadValue("view.take_edges works only while a strategy decides: games.step takes 'edges', too.")
+        if self._named is None:
+            raise NeedsEachGame("view.take_edges")
+        wanted = as_array(edges, "edges", "integers", self.node.shape)
+        np.copyto(self._named, wanted, where=self.mask & (wanted >= 0))
 
     def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides only for the agents in `asked`, (games, agents).
@@ -767,6 +792,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "xy": lambda view: view._places().xy,
     "z": lambda view: view._heights(),
     "legal": lambda view: view._legal(),
+    "legal_edges": lambda view: view._legal_edges(),
     "mask": lambda view: view.mask,
     "name": lambda view: tuple(view.roster.names[number] for number in view.agents.tolist()),
     "team": lambda view: tuple(view.roster.teams[team] for team in view.roster.team_of[view.agents].tolist()),

@@ -227,6 +227,9 @@ class SeparateGames:
         given.act(view)
         if given.may_stay:
             return
+        given.check_edges(view, by)
+        if given.edges is not None:
+            view.mask = view.mask & (given.edges[view.games] < 0)
         view.mask = view.mask & ~self._roster.flies[view.agents] & (view["edge"][..., 0] < 0)
         view._checked(given.moves[view.games], by)
 

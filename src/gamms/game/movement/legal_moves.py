@@ -348,6 +348,35 @@ class Movement:
         found = Places(ids, offset_m, xy)
         return found if self.noted is None else self.noted.put_places(found, which)
 
+    # -- legal edges ----------------------------------------------------------------------------------------------
+
+    def legal_edges(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the ids of the edges that agents may name, with one axis more, ascending, padded with -1.
+
+        See `counts` for the arguments; no agent flies.
+        """
+        columns = self.columns
+        games, agents = (numbers.ravel() for numbers in np.broadcast_arrays(*which))
+        on_edge = self.places(node, which).edge[..., 2].ravel()
+        here = node.ravel()
+        at: list[IntArray] = [np.flatnonzero(on_edge >= 0)]
+        found: list[IntArray] = [on_edge[at[0]]]
+        rows = kernels.rows_of(columns.edge_ids, found[0], columns.edge_order)
+        backs = self.backs(rows, games[at[0]])
+        at.append(at[0][backs >= 0])
+        found.append(columns.edge_ids[backs[backs >= 0]])
+        modes = self.mode_of[agents] if self.modes else None
+        for movement, places in () if self.are_all_legal else self._each_map(games, modes):
+            offsets, edges = movement.all_roads.edges_at([movement._on])[0]
+            chosen = places[on_edge[places] < 0]
+            number, place = kernels.expand_ranges(offsets[here[chosen]], offsets[here[chosen] + 1])
+            leaving = edges[place]
+            goes = columns.targets[leaving] != here[chosen[number]]
+            at.append(chosen[number[goes]])
+            found.append(columns.edge_ids[leaving[goes]])
+        ids = as_table(np.concatenate(at), np.concatenate(found), len(here))
+        return ids.reshape(*node.shape, -1)
+
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     @cached_property
@@ -560,3 +589,19 @@ class Movement:
             parts.append(self._room[: counts[first:last].sum()].copy())
             first = last
         return counts, np.concatenate(parts)
+
+
+def as_table(at: IntArray, ids: IntArray, rows: int) -> IntArray:
+    """Return ids as a table with a row for each agent, (rows, most), ascending, padded with -1.
+
+    Args:
+        at: (ids,) the row of each id.
+        ids: the ids.
+        rows: the number of rows.
+    """
+    order = np.lexsort((ids, at))
+    counts = np.bincount(at, minlength=rows)
+    first = np.cumsum(counts) - counts
+    found = np.full((rows, int(counts.max(initial=0))), -1)
+    found[at[order], np.arange(len(at)) - first[at[order]]] = ids[order]
+    return found
