@@ -364,6 +364,7 @@ class Drawn:
             edge["travel_time"] = 0.2 + number % 3 / 4
             if self.modes:
                 edge |= {"car": number % 3 > 0, "foot": float(number % 4)}
+                edge |= {"travel_time:car": 0.1 + number % 5 / 3, "slow:foot": 1.0 + number % 2 if number % 6 else inf}
             if self.is_bent and number % 3:
                 (x, y), (x1, y1) = divmod(source, 7)[::-1], divmod(target, 7)[::-1]
                 between = [(x + 0.4, y - 0.3), (x1 - 0.2, y1 + 0.7)][: number % 3]

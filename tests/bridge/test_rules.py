@@ -124,6 +124,18 @@ def test_another_process_closes_opens_and_slows_roads(ctx):
         assert ctx.game.events == []
 
 
+def test_a_slowed_road_takes_agents_of_all_modes_the_same_time(ctx):
+    edge, other = edge_between(ctx, 2, 3), edge_between(ctx, 1, 2)
+    times = {"travel_time:walk": 20.0, "travel_time:drive": 4.0}
+    for one in (edge, other):
+        ctx.graph.update_edge({"id": one, "walk": 5.0, "drive": 30.0, **times})
+    with program({"type": "roads", "turn": 0, "travel_time": {edge: 60}}) as link:
+        ctx.game.add(traffic(link, wait_s=60.0), phase="before")
+        ctx.game.step()
+    walked, driven = (ctx.graph.routes.select_mode(mode).weights("travel_time") for mode in ("walk", "drive"))
+    assert (sorted(walked.tolist()), sorted(driven.tolist())) == ([20.0, 60.0], [4.0, 60.0])
+
+
 def test_a_game_goes_on_where_no_answer_comes(ctx):
     with program() as link:
         ctx.game.add(traffic(link, wait_s=0.02), phase="before")

@@ -1,5 +1,6 @@
 """Isochrones: exact ends on edges, polygons with the areas of closed forms, GeoJSON and pictures."""
 
+import csv
 import json
 from itertools import pairwise
 from math import cos, pi, sin
@@ -167,3 +168,22 @@ def test_impossible_isochrones_are_refused(world, source, limits, more, error, m
     world.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
     with pytest.raises(error, match=message):
         world.graph.isochrone(source, limits, **more)
+
+
+def test_the_isochrone_of_a_mode_has_the_edges_and_times_of_the_mode(world, tmp_path):
+    slow = {"speed_kph": 5.0, "travel_time": 72.0, "travel_time:walk": 72.0, "walk": 5.0}
+    fast = {"speed_kph": 5.0, "travel_time": 72.0, "travel_time:walk": 72.0, "walk": 5.0, "drive": 50.0}
+    places = [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)]
+    add_roads(world, places, [(0, 1, {**fast, "travel_time:drive": 7.2}), (0, 2, {**slow, "drive": 0.0})])
+    (walked,) = world.graph.isochrone(0, 3.6, weight="travel_time", mode="walk")
+    (driven,) = world.graph.isochrone(0, 3.6, weight="travel_time", mode={"attribute": "drive"})
+    (every,) = world.graph.isochrone(0, 3.6, weight="travel_time")
+    assert [(part.edge, part.end) for part in walked.parts] == [(0, 0.05), (1, 0.05)]
+    assert [(part.edge, part.end) for part in driven.parts] == [(0, 0.5)]
+    assert every.parts == walked.parts
+    with pytest.raises(UnknownName, match="Unknown edge 1"):
+        world.graph.isochrone({"edge": 1}, 3.6, mode="drive")
+    world.graph.export(tmp_path / "cars.csv", mode="drive")
+    with (tmp_path / "cars_edges.csv").open(newline="") as file:
+        (car,) = csv.DictReader(file)
+    assert (car["id"], car["speed_kph"], car["travel_time"]) == ("0", "50.0", "7.2")

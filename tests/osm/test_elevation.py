@@ -138,6 +138,22 @@ def test_slopes_slow_only_walkers_and_not_on_stairs(make_map, heights):
     assert [name for name, mode in modes().items() if mode.slope == "walked"] == ["walk"]
 
 
+@pytest.mark.parametrize("order", [["walk", "drive"], ["drive", "walk"]])
+def test_each_of_several_modes_has_the_times_of_its_own_graph_on_slopes(make_map, heights, order):
+    hill = heights(lambda column, row: 30 * (row - 200))
+    path = make_map(NODES, ([1, 3], {"highway": "residential"}), ([1, 2], {"highway": "footway"}))
+    options = {"elevation": hill, "retain_all": True, "tolerance": 0.0}
+    both = graph_from_file(path, osm_type=order, **options)
+    for mode in order:
+        alone = graph_from_file(path, osm_type=mode, **options)
+        own = [round(data["travel_time"], 6) for *_, data in alone.edges(data=True)]
+        found = [round(data[f"travel_time:{mode}"], 6) for *_, data in both.edges(data=True) if data[mode]]
+        assert sorted(found) == sorted(own)
+        assert (len({*own}) > 1) == (mode == "walk")
+    for *_, data in both.edges(data=True):
+        assert data["travel_time"] == next(data[f"travel_time:{mode}"] for mode in order if data[mode])
+
+
 def test_tobler_walks_fastest_on_a_gentle_way_down():
     assert walking_factor(np.array([0.0, -0.1])).tolist() == pytest.approx([1.0, 1.0])
     assert walking_factor(np.array([-0.05, 0.2])).tolist() == pytest.approx([math.exp(-0.175), math.exp(0.7)])

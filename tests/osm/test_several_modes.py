@@ -50,18 +50,22 @@ def map_of(ways, marks):
 
 
 def pieces(graph, mode=None):
-    """The directed pieces of ways of a graph, or of one of its modes: ids of both nodes, metres, and km/h."""
+    """The directed pieces of ways of a graph, or of one of its modes: ids of both nodes, metres, km/h, and seconds."""
     found = Counter()
     for u, v, data in graph.edges(data=True):
         first, last = u, v
+        time = "travel_time" if mode is None else f"travel_time:{mode}"
         length = data["length"]
+        seconds = data.get(time)
         speed = data["speed_kph"] if mode is None else data[mode]
+        assert (seconds is None) == (not speed)
         if "osmid" not in graph.nodes[first] or not speed:
             continue
         while "osmid" not in graph.nodes[last]:  # one of several roads between two nodes, which is cut
             first, last = last, next(other for other in graph.successors(last) if other != first)
             length += graph.edges[first, last]["length"]
-        found[graph.nodes[u]["osmid"], graph.nodes[last]["osmid"], round(length, 6), speed] += 1
+            seconds += graph.edges[first, last][time]
+        found[graph.nodes[u]["osmid"], graph.nodes[last]["osmid"], round(length, 6), speed, round(seconds, 6)] += 1
     return found
 
 
@@ -105,7 +109,8 @@ def test_each_mode_has_the_pieces_of_its_own_graph(tmp_path_factory, ways, marks
     for mode, graph in single.items():
         assert pieces(union, mode) == pieces(graph)
     for _, _, data in union.edges(data=True):
-        assert data["speed_kph"] == next(data[mode] for mode in single if data[mode] > 0.0)
+        first = next(mode for mode in single if data[mode] > 0.0)
+        assert (data["speed_kph"], data["travel_time"]) == (data[first], data[f"travel_time:{first}"])
     if not report(union, file).is_faithful:  # as is a graph of one mode, of a one-way road there and back
         assert not all(report(graph, file).is_faithful for graph in single.values())
 
@@ -243,3 +248,22 @@ def test_a_mode_cannot_have_the_name_of_a_tag(town):
     graph_from_file(town, osm_type=["walk", surface])
     with pytest.raises(BadValue, match="'surface'"):
         graph_from_file(town, osm_type=["walk", surface], tags=["surface"])
+
+
+@pytest.mark.parametrize("modes", [["walk", "drive"], ["drive", "walk"]])
+def test_officers_walk_and_cars_drive_at_their_own_speeds_along_one_street(tmp_path, modes):
+    file = tmp_path / "street.osm"
+    file.write_text(map_of([([1, 2, 3], {"highway": "residential"})], {}))
+    game = {"speed_unit": "metres_per_second", "turn_seconds": 9.0, "weight": "travel_time", "max_turns": 2}
+    with gamms.create_context(seed=1, game=game) as ctx:
+        ctx.graph.attach_networkx_graph(graph_from_file(file, osm_type=modes, resolution=1e6))
+        for name, mode in (("officer", "walk"), ("car", "drive")):
+            goes = gamms.strategies.goto(ctx, 1)
+            ctx.agent.create_agent(name, start_node_id=0, mode=mode, speed=float("inf"), strategy=goes)
+        metres = ctx.graph.columns().lengths[0]
+        with ctx.game.batch(3) as games:
+            games.run()
+            shares = games.columns()["share"]
+        ctx.game.run()
+        assert [agent.offset_m for agent in ctx.agent.create_iter()] == pytest.approx([25.0, 150.0])
+        assert (shares * metres).tolist() == [pytest.approx([150.0, 25.0])] * 3

@@ -36,7 +36,12 @@ DECIDING = {
     "assign": strategies.assign,
     "believe": strategies.follow_belief,
 }
-UNITS = {"edges": [None, 1.5, 2], "metres": [None, 8.0, 25.0], "one edge": [None]}
+UNITS = {
+    "edges": [None, 1.5, 2],
+    "metres": [None, 8.0, 25.0],
+    "metres_per_second": [None, 8.0, 25.0, float("inf")],
+    "one edge": [None],
+}
 VALUES = [True, False, 0, 30, 0.0, 12.5, None]
 
 
@@ -62,14 +67,17 @@ def open_map(edges, *, is_cut):
     for id, (source, target, length, value) in enumerate(edges):
         if not is_cut or reference(value):
             given = {"id": id, "source": source, "target": target, "length": length}
-            ctx.graph.add_edge(given if value is None else given | {"car": value})
+            own = 1.0 + id % 5 / 2  # seconds of cars; others need more or less time
+            times = {"travel_time": own} if is_cut else {"travel_time": 0.5 + id % 3, "travel_time:car": own}
+            ctx.graph.add_edge(given | times | ({} if value is None else {"car": value}))
     return ctx
 
 
 def open_game(edges, agents, unit, *, is_cut, conflicts=None):
     """Return a context with a game, in which all agents have the mode, or the map has no other edges."""
     ctx = open_map(edges, is_cut=is_cut)
-    ctx.game.speed_unit = "metres" if unit == "metres" else "edges"
+    ctx.game.speed_unit = unit if unit.startswith("metres") else "edges"
+    ctx.game.weight = "travel_time" if unit == "metres_per_second" else "length"
     ctx.game.conflicts = conflicts
     for number, (name, node, speed) in enumerate(agents):
         ctx.agent.create_agent(
@@ -121,6 +129,7 @@ def test_the_graph_of_a_mode_has_the_edges_where_the_attribute_is_true_or_above_
         ]
         for node in range(NODES):
             assert graph.distance(0, node) == cut.graph.distance(0, node)
+            assert graph.distance(0, node, "travel_time") == cut.graph.distance(0, node, "travel_time")
         assert find_usable_edges(ctx.graph.columns(), "car").sum() == len([*cut.graph.get_edges()])
 
 

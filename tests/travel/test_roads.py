@@ -22,7 +22,7 @@ def roads_of(edges):
     graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
     for id, (source, target, cost) in enumerate(edges):
         graph.add_edge({"id": id, "source": source, "target": target, "length": 1.0, "cost": cost})
-    return graph, RoadMap(graph, graph.columns(), "cost", None, 2.0)
+    return graph, RoadMap(graph, graph.columns(), graph.weights("cost"), None, 2.0)
 
 
 @given(

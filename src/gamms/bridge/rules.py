@@ -11,6 +11,7 @@ from gamms.bridge.links import Link
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.settings import Rank, RuleSpec, declared
+from gamms.ir.graph import name_mode_time
 from gamms.plain import as_json
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
@@ -118,8 +119,9 @@ def change_roads(ctx: Context, roads: RoadChanges) -> int:
         ctx.graph.open_roads(opened)
     shut = [edge for edge in dict.fromkeys(roads.close) if _is_edge(ctx, edge)]
     slowed = {edge: seconds for edge, seconds in roads.travel_time.items() if _is_edge(ctx, edge)}
+    of_modes = [name for name in ctx.graph.columns().edge_attributes if name.startswith(name_mode_time(""))]
     for edge, seconds in slowed.items():
-        graph.update_edge({"id": edge, "travel_time": min(seconds, _SLOWEST_S)})
+        graph.update_edge({"id": edge, **dict.fromkeys(("travel_time", *of_modes), min(seconds, _SLOWEST_S))})
     if shut:
         ctx.graph.close_roads(shut)
     wanted = len(set(roads.open)) + len(set(roads.close)) + len(roads.travel_time)

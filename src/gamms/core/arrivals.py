@@ -257,7 +257,7 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         a.legs[row] = 0
         a.late[row] = 0
         a.comes[row] = 0
-        t.roads.first = rules.first_place(games, game, i)
+        t.roads.use(rules.first_place(games, game, i))
         if by_metres.is_there(games, t, game, i):
             if a.keeps_last:
                 travel.copy_trip(a.last, row, t.trips, row)  # type: ignore[arg-type] # there are some
@@ -291,7 +291,7 @@ def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     for number in range(a.counts[game]):
         i = a.here[game * games.agents + number]
         row = game * games.agents + i
-        t.roads.first = rules.first_place(games, game, i)
+        t.roads.use(rules.first_place(games, game, i))
         if a.comes[row] == DECIDES:
             if a.now[game] < 1.0:
                 decide(games, a, t, game, i)
@@ -367,7 +367,7 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         i = a.here[game * games.agents + number]
         row = game * games.agents + i
         own = t.first + i
-        t.roads.first = rules.first_place(games, game, i)
+        t.roads.use(rules.first_place(games, game, i))
         if a.asked[row] == 0:
             if a.loses[row]:
                 t.stay(games, game, i)

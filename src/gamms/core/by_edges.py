@@ -253,9 +253,9 @@ def walk(walks: EdgePaths, row: int, count: int) -> int:
 def use_edges(w: EdgeMovers, first: int) -> int:
     """Use the edges of the map, and of the mode, whose first node is at a place."""
     w.paths.legal.first = first
-    w.paths.hops.roads.first = first
+    w.paths.hops.roads.use(first)
     if w.goes_far:
-        w.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
+        w.long_ways.roads.use(first)  # type: ignore[union-attr] # there are some
     return 0
 
 

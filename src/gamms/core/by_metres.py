@@ -68,7 +68,7 @@ class MetreMovers(TripMovers):
         """Choose the moves of the living agents in this part of the turn, and find their paths; all others stay."""
         for i in range(games.agents):
             row = game * games.agents + i
-            self.roads.first = rules.first_place(games, game, i)
+            self.roads.use(rules.first_place(games, game, i))
             if is_there(games, self, game, i):
                 self.end_places[row] = self.start_places[row]
                 self.ends[row] = games.node[row]
@@ -99,7 +99,7 @@ class MetreMovers(TripMovers):
         """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
         own = self.first + i
-        self.roads.first = rules.first_place(games, game, i)
+        self.roads.use(rules.first_place(games, game, i))
         if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, own):
             begin(games, self, row, i)
             travel.stand(self.roads, self.trips, own)
@@ -288,7 +288,7 @@ class MetrePaths(TripPaths):
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game."""
         moves.copy_paths(games, self, game)
-        self.roads.first = games.first_node[game]
+        self.roads.use(games.first_node[game])
         for agent in range(games.agents):
             first = agent * self.trips.most
             for leg in range(first, first + self.trips.legs[agent]):

@@ -15,10 +15,13 @@ cdef class RoadEdges:
     cdef const i64[::1] ids, offsets, leaving, sources, targets
     cdef const u8[::1] removed
     cdef const double[::1] lengths, costs, seconds
+    cdef const i64[::1] first_costs
     cdef double turn_seconds
-    cdef i64 first
+    cdef i64 first, first_cost
 
+    cpdef int use(self, i64 first) except -1 nogil
     cdef Py_ssize_t count(self, i64 node) except -1 nogil
+    cdef double cost(self, i64 edge) except? -1.0 nogil
     cdef Py_ssize_t edge(self, i64 node, i64 number) except -1 nogil
 
 

@@ -8,6 +8,7 @@ length.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 from math import fabs
 from typing import Any
@@ -19,6 +20,7 @@ MOST = 1.0 - 2.0**-53
 SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
 MORE_LEGS = 3  # legs that a path may have in addition to its nodes
+NO_COSTS = memoryview(array("q"))
 ENDLESS = 1 << 32  # edges: more than any path has
 FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
@@ -37,11 +39,13 @@ class RoadEdges:
         offsets: (places + 1,) where the open edges out of each node begin in `leaving`.
         leaving: rows of edges by source node, in insertion order.
         first: the place of the first node of the map in use.
+        first_costs: (maps,) the index of the cost of the first edge on each map; empty: 0 on all maps.
+        first_cost: this index on the map in use.
         removed: (maps * edges,) 1: the edge is neither open nor closed on the map; empty: no edges were removed.
         sources, targets: (edges,) rows of nodes.
         lengths: (edges,) metres.
-        costs: (edges,) the costs by which agents choose paths.
-        seconds: (edges,) the minimum travel time of each edge; empty: edges have no speed limits.
+        costs: (kinds * edges,) the costs by which agents choose paths, of one kind of map after the other.
+        seconds: (kinds * edges,) the minimum travel time of each edge; empty: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
     """
 
@@ -61,6 +65,8 @@ class RoadEdges:
         self.offsets = offsets
         self.leaving = leaving
         self.first = 0
+        self.first_costs = NO_COSTS
+        self.first_cost = 0
         self.removed = memoryview(b"")
         self.sources = sources
         self.targets = targets
@@ -69,14 +75,28 @@ class RoadEdges:
         self.seconds = seconds
         self.turn_seconds = turn_seconds
 
-    def take(self, offsets: memoryview[int], leaving: memoryview[int]) -> None:
-        """Switch to other maps with the same nodes and edges."""
+    def take(self, offsets: memoryview[int], leaving: memoryview[int], first_costs: memoryview[int]) -> None:
+        """Switch to other maps with the same nodes and edges, and use the first one until `use` chooses another."""
         self.offsets = offsets
         self.leaving = leaving
+        self.first_costs = first_costs
+        self.first = 0
+        self.first_cost = 0
 
     def note_removed(self, removed: memoryview[int]) -> None:
         """Set which edges were removed from each map."""
         self.removed = removed
+
+    def use(self, first: int) -> int:
+        """Use the map whose first node has this place."""
+        if first != self.first and len(self.first_costs) > 0:
+            self.first_cost = self.first_costs[first // len(self.ids)]
+        self.first = first
+        return 0
+
+    def cost(self, edge: int) -> float:
+        """Return the cost of an edge on the map in use."""
+        return self.costs[self.first_cost + edge]
 
     def count(self, node: int) -> int:
         """Return the number of edges out of a node."""
@@ -312,7 +332,7 @@ def cheapest(roads: RoadEdges, source: int, target: int) -> int:
     found = -1
     for number in range(roads.count(source)):
         edge = roads.edge(source, number)
-        if roads.targets[edge] == target and (found < 0 or roads.costs[edge] < roads.costs[found]):
+        if roads.targets[edge] == target and (found < 0 or roads.cost(edge) < roads.cost(found)):
             found = edge
     return found
 
@@ -340,7 +360,7 @@ def turns(roads: RoadEdges, edge: int, share: float, speed: float) -> float:
     elif pace > 0.0:
         taken = metres / pace
     if len(roads.seconds) > 0:
-        least = share * roads.seconds[edge] / roads.turn_seconds
+        least = share * roads.seconds[roads.first_cost + edge] / roads.turn_seconds
         if least > taken:
             return least
     return taken
@@ -362,7 +382,7 @@ def is_open(roads: RoadEdges, edge: int) -> bool:
 
 def is_removed(roads: RoadEdges, edge: int) -> bool:
     """Return whether an edge was removed from the map in use."""
-    return len(roads.removed) > 0 and roads.removed[roads.first // len(roads.ids) * len(roads.costs) + edge] > 0
+    return len(roads.removed) > 0 and roads.removed[roads.first // len(roads.ids) * len(roads.lengths) + edge] > 0
 
 
 def is_going(roads: RoadEdges, edge: int, motion: int) -> bool:
@@ -582,9 +602,9 @@ def visit_first(reach: ReachSearch) -> int:
 def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) -> bool:
     """Return whether an edge is the shortest path from a node to another by more than rounding errors."""
     edge = cheapest(roads, source, target)
-    if edge < 0 or not roads.costs[edge] < INFINITE:
+    if edge < 0 or not roads.cost(edge) < INFINITE:
         return False
-    latest = roads.costs[edge] * (1.0 + SLACK)
+    latest = roads.cost(edge) * (1.0 + SLACK)
     reach.size = 0
     reach.count = 0
     found = True
@@ -593,7 +613,7 @@ def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) 
         at = visit_first(reach)
         for number in range(roads.count(at)):
             edge = roads.edge(at, number)
-            cost = reach.when[at] + roads.costs[edge]
+            cost = reach.when[at] + roads.cost(edge)
             if cost <= latest and (at != source or roads.targets[edge] != target):
                 found = found and roads.targets[edge] != target
                 reach_node(reach, roads.targets[edge], cost, 0)
@@ -619,7 +639,7 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
 
     The search starts at the goal, so that the costs do not depend on the start of the path.
     """
-    ways.back.first = ways.roads.first
+    ways.back.use(ways.roads.first)
     ways.reach.size = 0
     ways.reach.count = 0
     reach_node(ways.reach, goal, 0.0, 0)
@@ -627,7 +647,7 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
         at = visit_first(ways.reach)
         for number in range(ways.back.count(at)):
             edge = ways.back.edge(at, number)
-            cost = ways.reach.when[at] + ways.back.costs[edge]
+            cost = ways.reach.when[at] + ways.back.cost(edge)
             reach_node(ways.reach, ways.back.targets[edge], cost, ways.reach.rank[at] + 1)
     ways.goal[row] = ways.roads.first + goal
     ways.at[row] = 0
@@ -651,7 +671,7 @@ def next_on_way(ways: GoalPaths, node: int) -> int:
         other = ways.roads.targets[edge]
         if (
             ways.reach.places[other] < 0
-            and ways.reach.when[other] + ways.roads.costs[edge] == ways.reach.when[node]
+            and ways.reach.when[other] + ways.roads.cost(edge) == ways.reach.when[node]
             and ways.reach.rank[other] + 1 == ways.reach.rank[node]
             and (found < 0 or ways.roads.ids[other] < ways.roads.ids[found])
         ):
@@ -675,7 +695,7 @@ def place_on_way(ways: GoalPaths, row: int, node: int, goal: int) -> int:
 def distance(ways: GoalPaths, row: int, node: int, goal: int) -> float:
     """Return the cost of an agent's path from a node to a goal; infinity if there is no path."""
     if is_direct(ways, node, goal):
-        return ways.roads.costs[cheapest(ways.roads, node, goal)]
+        return ways.roads.cost(cheapest(ways.roads, node, goal))
     place = place_on_way(ways, row, node, goal)
     return ways.far[row * ways.most + place] if place >= 0 else INFINITE
 
@@ -729,7 +749,7 @@ def shorter_way(roads: RoadEdges, edge: int, share: float, ahead: float, behind:
         ahead: the cost of the path from the end of the edge.
         behind: the cost of the path from its source.
     """
-    cost = roads.costs[edge]
+    cost = roads.cost(edge)
     ahead = (1.0 - share) * cost + ahead
     behind = share * cost + behind if back(roads, edge) >= 0 else INFINITE
     if behind < ahead:

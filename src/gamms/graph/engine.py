@@ -236,6 +236,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         *,
         weight: str | None = "length",
         width: float = 25.0,
+        mode: "str | Mapping[str, str] | None" = None,
     ) -> "Isochrones":
         """Return what can be reached from a place within limits, as parts of edges and as polygons.
 
@@ -249,18 +250,24 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             limits: one limit, or several, in the unit of the weight: metres for "length", seconds for "travel_time".
             weight: see `IGraph`.
             width: map units.
+            mode: the mode of travel whose edges and times count, see `routes.select_mode`; None: all edges.
 
         Returns:
             A sequence of one `Isochrone` for each limit, with `polygon`, `parts`, `lines` and `ends`; `export(path)`
             writes it as GeoJSON, and `draw` is a drawer for `ctx.visual.add_artist`.
 
         Raises:
-            UnknownName (KeyError): the node, the edge or the weight does not exist.
+            UnknownName (KeyError): the node, the weight or the mode does not exist; or the edge, for this mode.
             BadValue (ValueError): a limit is negative or infinite, the share exceeds 1, or the width is not positive.
         """
         from gamms.graph.isochrones import find_isochrones
 
-        return find_isochrones(self.graph, source, limits, weight, width, self.attribution)
+        return find_isochrones(self._select_mode(mode), source, limits, weight, width, self.attribution)
+
+    def _select_mode(self, mode: "str | Mapping[str, str] | None") -> Graph:
+        """Return the graph of a mode; None: the whole graph."""
+        found: Graph = self.graph if mode is None else self.routes.select_mode(mode)
+        return found
 
     def match_track(self, source: object, *, noise_m: float = 5.0, within_m: float = 50.0) -> "TrackMatch":
         """Match measured points to the roads as a whole, and return the likeliest route.
@@ -460,7 +467,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         return graph
 
     @refused_while_deciding
-    def export(self, path: str | os.PathLike[str]) -> "list[Path]":
+    def export(self, path: str | os.PathLike[str], *, mode: "str | Mapping[str, str] | None" = None) -> "list[Path]":
         """Write nodes and edges for other programs.
 
         The suffix is the format: `.graphml`, `.geojson`, `.gpkg`, `.csv`, `.osmnx.graphml` for OSMnx, or `.net.xml` for
@@ -470,18 +477,23 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         `town.csv` gives `town_nodes.csv` and `town_edges.csv`. Attributes other than numbers, texts and bools become
         JSON.
 
+        Args:
+            path: the file.
+            mode: write the graph of a mode of travel, with its edges, speeds and times; None: the whole graph.
+
         Returns:
             The paths of the files; existing files are replaced.
 
         Raises:
             UnknownType (ValueError): the suffix names no supported format.
             BadValue (ValueError): GeoJSON or a file for OSMnx of a graph without a CRS.
+            UnknownName (KeyError): the mode does not exist.
             MissingExtra (ImportError): the CRS is not a UTM zone, and pyproj is not installed.
             OSError: a file cannot be written.
         """
         from gamms.graph import export
 
-        return export.export(path, self.graph.columns(), self.attribution)
+        return export.export(path, self._select_mode(mode).columns(), self.attribution)
 
     @property
     def frames(self) -> "Frames":

@@ -16,9 +16,9 @@ from gamms.core.agents import NodeNumbers
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
-from gamms.graph.routes import CachedRoutes, edge_weights
+from gamms.graph.routes import CachedRoutes
 from gamms.graph.store import GraphStore, Neighborhoods
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, edge_weights
 from gamms.ir.projection import scale_fault, text_of
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen

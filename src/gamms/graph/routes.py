@@ -13,12 +13,18 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_range
-from gamms.errors import BadType, UnknownName
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, check_mode, find_usable_edges, select_edges
-from gamms.text import shown
+from gamms.ir.graph import (
+    FloatArray,
+    IntArray,
+    apply_mode,
+    check_mode,
+    check_weight,
+    edge_weights,
+    find_usable_edges,
+    select_edges,
+)
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
 
@@ -170,14 +176,14 @@ class CachedRoutes(Routes):
         return found
 
     def select_mode(self, mode: str) -> Any:  # Any: see `Routes`
-        """Return the graph with the edges that a mode may use; the same one until the graph changes."""
+        """Return the graph with the edges and attributes of a mode; the same one until the graph changes."""
         known = self._modes.get(mode)
         if known is not None and known[:2] == (self._store.revision, known[2].revision):
             return known[2]
         columns = self._store.columns()
         check_mode(columns, self._store.closed, mode)
         store = GraphStore()
-        chosen = select_edges(columns, find_usable_edges(columns, mode))
+        chosen = apply_mode(select_edges(columns, find_usable_edges(columns, mode)), mode)
         store.replace(chosen, self._store.attribution, self._store.scenery, {})
         graph = self._make_graph(store)
         self._modes[mode] = self._store.revision, store.revision, graph
@@ -186,45 +192,3 @@ class CachedRoutes(Routes):
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
         """Return the result of `make`, cached for this revision of the graph."""
         return self.cache.get(self._store.revision, key, make)
-
-
-def check_weight(weight: str | None) -> None:
-    """Refuse a value that cannot name a weight (BadType)."""
-    if weight is not None and not isinstance(weight, str):
-        raise BadType(
-            f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
-        )
-
-
-def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
-    """Return the weight of every edge: its length, 1, or one of its attributes.
-
-    Args:
-        columns: a graph.
-        weight: "length", the name of an attribute (1 for edges without it), or None (1 for every edge).
-
-    Returns:
-        (edges,) not negative; infinite for closed edges.
-
-    Raises:
-        BadType: `weight` is not a name, or an attribute value is not a number.
-        BadValue: an attribute value is negative or NaN.
-        UnknownName (KeyError): no edge has this attribute.
-    """
-    check_weight(weight)
-    if weight == "length":
-        return columns.lengths
-    known = ("length", *columns.edge_attributes)
-    if weight is not None and weight not in known and len(columns.edge_ids):
-        raise UnknownName("weight", weight, known)
-    weights = np.ones(len(columns.edge_ids))
-    given = {} if weight is None else columns.edge_attributes.get(weight, {})
-    numbers = [_number(value, columns, row, weight) for row, value in given.items()]
-    weights[list(given)] = numbers
-    return weights
-
-
-def _number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
-    if type(value) is float and value >= 0.0:
-        return value
-    return as_range(value, f"The weight {weight!r} of edge {columns.edge_ids[row]}")

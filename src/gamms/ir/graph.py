@@ -9,7 +9,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_ids, as_int, as_items
+from gamms.arguments import as_ids, as_int, as_items, as_range
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.readonly import ReadOnlyMapping, locked
 from gamms.text import shown
@@ -362,6 +362,85 @@ def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
     if isinstance(values, RowMapping):
         return values.chosen(places, rows[places])
     return {row: values[one] for row, one in zip(rows[places].tolist(), old[places].tolist(), strict=True)}
+
+
+def name_mode_time(mode: str) -> str:
+    """Return the name of the edge attribute with the travel times of a mode, on maps for several modes."""
+    return f"travel_time:{mode}"
+
+
+def apply_mode(columns: GraphColumns, mode: str) -> GraphColumns:
+    """Return a graph whose edges have the attributes of a mode, so that it reads as a map for this mode alone.
+
+    The attribute `travel_time:drive` replaces `travel_time` for the mode `drive`, on the edges that have it; any other
+    attribute of the form `name:mode` does the same. On maps for several modes, whose edges have the travel times of
+    modes, the speeds of the mode replace `speed_kph`, too.
+
+    Args:
+        columns: the graph, with all its edges or with those of the mode.
+        mode: the name of an edge attribute.
+    """
+    given = columns.edge_attributes
+    ending = f":{mode}"
+    own = {name.removesuffix(ending): values for name, values in given.items() if name.endswith(ending)}
+    if name_mode_time(mode) in given and "speed_kph" in given and mode in given:
+        own["speed_kph"] = given[mode]
+    replaced = {name: _put(given.get(name, {}), values) for name, values in own.items() if name not in _OWN_KEYS}
+    return replace(columns, edge_attributes={**given, **replaced}) if replaced else columns
+
+
+def _put(values: Mapping[int, Any], others: Mapping[int, Any]) -> Mapping[int, Any]:
+    """Return the values of rows, replaced by other values where there are some, by ascending row."""
+    return others if len(others) >= len(values) and not values.keys() - others.keys() else _sorted({**values, **others})
+
+
+def _sorted(values: Mapping[int, Any]) -> Mapping[int, Any]:
+    return {row: values[row] for row in sorted(values)}
+
+
+# -- weights --------------------------------------------------------------------------------------------------------
+
+
+def check_weight(weight: str | None) -> None:
+    """Refuse a value that cannot name a weight (BadType)."""
+    if weight is not None and not isinstance(weight, str):
+        raise BadType(
+            f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
+        )
+
+
+def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
+    """Return the weight of every edge: its length, 1, or one of its attributes.
+
+    Args:
+        columns: a graph.
+        weight: "length", the name of an attribute (1 for edges without it), or None (1 for every edge).
+
+    Returns:
+        (edges,) not negative; infinite for closed edges.
+
+    Raises:
+        BadType: `weight` is not a name, or an attribute value is not a number.
+        BadValue: an attribute value is negative or NaN.
+        UnknownName (KeyError): no edge has this attribute.
+    """
+    check_weight(weight)
+    if weight == "length":
+        return columns.lengths
+    known = ("length", *columns.edge_attributes)
+    if weight is not None and weight not in known and len(columns.edge_ids):
+        raise UnknownName("weight", weight, known)
+    weights = np.ones(len(columns.edge_ids))
+    given = {} if weight is None else columns.edge_attributes.get(weight, {})
+    numbers = [_number(value, columns, row, weight) for row, value in given.items()]
+    weights[list(given)] = numbers
+    return weights
+
+
+def _number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
+    if type(value) is float and value >= 0.0:
+        return value
+    return as_range(value, f"The weight {weight!r} of edge {columns.edge_ids[row]}")
 
 
 # -- turns ----------------------------------------------------------------------------------------------------------

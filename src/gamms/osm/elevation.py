@@ -151,15 +151,15 @@ def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray,
 # -- roads on the ground --------------------------------------------------------------------------------------------
 
 
-def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool | BoolArray) -> RoadNetwork:
-    """Return a network whose nodes have heights; `is_walked` tells whether slopes affect its travel times.
+def on_ground(network: RoadNetwork, elevation: Elevation, *, are_walked: tuple[bool, ...]) -> RoadNetwork:
+    """Return a network whose nodes have heights; `are_walked` tells whether slopes affect the times of each mode.
 
     Raises: as `Elevation.heights`.
     """
     raised = np.array([_is_structure(tags) for tags in network.tags], np.bool_)[network.ways]
     ends = np.column_stack((network.sources, network.targets))
     z = _ground(network.xy, network.crs, elevation)
-    return replace(network, z=_spanned(z, ends, network.lengths, raised), is_walked=is_walked)
+    return replace(network, z=_spanned(z, ends, network.lengths, raised), are_walked=are_walked)
 
 
 def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation") -> None:

@@ -25,7 +25,6 @@ from gamms.arguments import (
 from gamms.errors import BadFile, BadValue
 from gamms.ir.geometry import area_of
 from gamms.ir.graph import GraphColumns
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import check_metres, crs_of, scale_fault
 from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
@@ -496,21 +495,9 @@ def cut(
     if pieces.refs is not None:
         pieces = replace(pieces, tunnels=topology.tunnels_of(pieces))
     if ground is not None:
-        pieces = on_ground(pieces, ground.elevation, is_walked=_are_walked(pieces, ground))
+        pieces = on_ground(pieces, ground.elevation, are_walked=ground.are_walked)
     show(f"Making a graph of {len(pieces.sources)} pieces")
     return to_digraph(pieces, _about(recipe, network))
-
-
-def _are_walked(network: RoadNetwork, ground: ElevationSource) -> bool | BoolArray:
-    """Return whether slopes affect the travel times of a network, or of each row of its tags if it has several modes.
-
-    Travel times are those of the first mode that may use a road.
-    """
-    if not network.modes:
-        return ground.are_walked[0]
-    speeds = np.array([[tags[name] for name in network.modes] for tags in network.tags], np.float64)
-    first = (speeds > 0.0).argmax(axis=1)
-    return np.asarray(np.array(ground.are_walked, np.bool_)[first])
 
 
 def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:

@@ -563,7 +563,7 @@ class RoadNetwork:
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node without one
     nodes: NodeTags = _NO_NODE_TAGS
     z: FloatArray | None = None  # (nodes,)  meters above sea level
-    is_walked: bool | BoolArray = False  # whether slopes affect travel times, on all ways or on each row of `tags`
+    are_walked: tuple[bool, ...] = ()  # whether slopes affect travel times, of each of `modes` or of the only one
     modes: tuple[str, ...] = ()  # the attributes of `tags` with the speeds of several modes of travel; 0: closed
     buildings: BuildingIndex | None = None  # of the map; None: unknown
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel in which a node lies; 0: on the surface

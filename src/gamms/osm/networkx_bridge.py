@@ -12,7 +12,15 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
-from gamms.ir.graph import FORBIDDEN_TURNS, CodedValues, FloatArray, GraphColumns, IntArray, Polylines
+from gamms.ir.graph import (
+    FORBIDDEN_TURNS,
+    CodedValues,
+    FloatArray,
+    GraphColumns,
+    IntArray,
+    Polylines,
+    name_mode_time,
+)
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import text_of
 from gamms.limits import GarbagePause, refuse_above
@@ -27,18 +35,19 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-def travel_times(network: RoadNetwork, ways: IntArray, speeds: FloatArray) -> FloatArray:
-    """Return seconds (roads,) along each road.
+def travel_times(network: RoadNetwork, ways: IntArray, speeds: FloatArray, name: str = "travel_time") -> FloatArray:
+    """Return seconds (roads,) along each road; NaN where there is no speed.
 
-    A way with a `travel_time` of its own keeps it; its pieces share it in proportion to their lengths.
+    A way with a time of its own keeps it; its pieces share it in proportion to their lengths.
 
     Args:
         network: the roads.
         ways: (roads,) the rows of their tags in one direction.
-        speeds: (ways,) km/h.
+        speeds: (ways,) km/h; NaN: none.
+        name: the attribute with the times of ways.
     """
     needed = network.lengths / (speeds[ways] / 3.6)
-    times = [number_of(of_way.get("travel_time")) for of_way in network.tags] or [math.nan]
+    times = [number_of(of_way.get(name)) for of_way in network.tags] or [math.nan]
     given = np.array([time if 0.0 <= time < math.inf else math.nan for time in times])[ways]
     whole = np.bincount(ways, weights=network.lengths, minlength=len(network.tags))[ways]
     share = np.where(whole > 0.0, network.lengths / np.where(whole > 0.0, whole, 1.0), 1.0)
@@ -68,6 +77,7 @@ _FILLED_NODE_BYTES = 700
 _FILLED_EDGE_BYTES = 1_300
 _SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy
 _TEXTS = frozenset((str, type(None)))
+_TIMES = name_mode_time("")  # the beginning of the names of travel times of modes
 _STEEPEST = 1.0  # steeper grades are errors of the data
 # Names of attributes that are not tags.
 _RESERVED = frozenset(("id", "linestring", "geometry", "length", FORBIDDEN_TURNS))
@@ -328,9 +338,7 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
             columns[name] = CodedValues(rows, codes[rows], [*by_way.values()])
     if not len(roads):
         return columns
-    every = np.arange(len(roads))
-    paces = _paces(network, speeds, roads, is_back)
-    return {**columns, **{name: _one_each(every, values) for name, values in paces.items()}}
+    return {**columns, **_paces(network, speeds, roads, is_back)}
 
 
 def _turn_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray, ids: IntArray) -> dict[str, CodedValues]:
@@ -352,21 +360,64 @@ def _ways_of(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> IntAr
     return there if network.back_ways is None else np.where(is_back, network.back_ways[roads], there)
 
 
-def _paces(network: RoadNetwork, speeds: list[float], roads: IntArray, is_back: BoolArray) -> dict[str, FloatArray]:
-    """Return the `travel_time` of each of these roads, forward or back, and its `grade` if nodes have heights."""
-    times = travel_times(network, network.ways, np.array(speeds, np.float64))[roads]
-    if network.back_ways is not None:
-        back = travel_times(network, network.back_ways, np.array(speeds, np.float64))[roads]
-        times = np.where(is_back, back, times)
+def _paces(network: RoadNetwork, speeds: list[float], roads: IntArray, is_back: BoolArray) -> dict[str, CodedValues]:
+    """Return the `travel_time` of each of these roads, forward or back, and its `grade` if nodes have heights.
+
+    Roads of several modes have a time for each mode that may use them; `travel_time` is that of the first.
+    """
+    ways = _ways_of(network, roads, is_back)
+    grade = _grades_of(network, roads, is_back)
+    times = _times_along(network, np.array(speeds, np.float64), "travel_time", roads, is_back)
+    times = _on_slopes(network, times, grade, ways, number=0)
+    columns: dict[str, CodedValues] = {}
+    first = np.full(len(roads), math.nan)
+    for number, mode in enumerate(_modes_with_times(network)):
+        kph = np.array([number_of(of_way.get(mode)) for of_way in network.tags], np.float64)
+        name = name_mode_time(mode)
+        of_mode = _times_along(network, np.where(kph > 0.0, kph, math.nan), name, roads, is_back)
+        of_mode = _on_slopes(network, of_mode, grade, ways, number=number)
+        rows = np.flatnonzero(~np.isnan(of_mode))
+        columns[name] = _one_each(rows, of_mode[rows])
+        first = np.where(np.isnan(first), of_mode, first)
+    if network.modes:
+        times = np.where(np.isnan(first), times, first)
+    every = np.arange(len(roads))
+    columns["travel_time"] = _one_each(every, times)
+    return columns if grade is None else {**columns, "grade": _one_each(every, grade)}
+
+
+def _modes_with_times(network: RoadNetwork) -> list[str]:
+    """Return the modes of a network, and those of which its roads have the travel times."""
+    names = dict.fromkeys(name for of_way in network.tags for name in of_way if name.startswith(_TIMES))
+    return [*dict.fromkeys((*network.modes, *(name.removeprefix(_TIMES) for name in names)))]
+
+
+def _times_along(
+    network: RoadNetwork, speeds: FloatArray, name: str, roads: IntArray, is_back: BoolArray
+) -> FloatArray:
+    """Return the travel time of each of these roads, forward or back; see `travel_times`."""
+    times = travel_times(network, network.ways, speeds, name)[roads]
+    if network.back_ways is None:
+        return times
+    return np.where(is_back, travel_times(network, network.back_ways, speeds, name)[roads], times)
+
+
+def _grades_of(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> FloatArray | None:
+    """Return the `grade` of each of these roads, forward or back; None if nodes have no heights."""
     if network.z is None:
-        return {"travel_time": times}
-    ends = np.column_stack((network.sources, network.targets))
-    grade = grades(network.z, ends, network.lengths)[roads]
-    grade = np.where(is_back, -grade, grade)
-    are_upright = np.array([is_upright(of_way) for of_way in network.tags], np.bool_)[network.ways][roads]
-    are_walked = np.broadcast_to(network.is_walked, len(network.tags))[_ways_of(network, roads, is_back)]
-    factor = np.where(are_upright | ~are_walked, 1.0, walking_factor(grade))
-    return {"travel_time": times * factor, "grade": grade}
+        return None
+    grade = grades(network.z, np.column_stack((network.sources, network.targets)), network.lengths)[roads]
+    return np.where(is_back, -grade, grade)
+
+
+def _on_slopes(
+    network: RoadNetwork, times: FloatArray, grade: FloatArray | None, ways: IntArray, *, number: int
+) -> FloatArray:
+    """Return the travel times of a mode, by its number, on roads with slopes; stairs and elevators have none."""
+    if grade is None or not any(network.are_walked[number : number + 1]):
+        return times
+    are_upright = np.array([is_upright(of_way) for of_way in network.tags], np.bool_)[ways]
+    return np.where(are_upright, times, times * walking_factor(grade))
 
 
 def _speeds(network: RoadNetwork) -> list[float]:

@@ -15,7 +15,17 @@ from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
 from gamms.ir import geometry
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, as_node_id, find_usable_edges, forbidden_paths
+from gamms.ir.graph import (
+    FloatArray,
+    GraphColumns,
+    IntArray,
+    apply_mode,
+    as_mode,
+    as_node_id,
+    edge_weights,
+    find_usable_edges,
+    forbidden_paths,
+)
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import locked
 from gamms.text import shown
@@ -533,7 +543,9 @@ class RouteQueries:
         def make() -> TurnRoutes:
             every = np.ones(len(columns.edge_ids), np.bool_)
             is_open = find_usable_edges(columns, mode) if mode in columns.edge_attributes else every
-            return TurnRoutes(columns, self.weights(weight), is_open, paths.get(mode, []))
+            own = apply_mode(columns, mode)
+            weights = self.weights(weight) if own is columns else edge_weights(own, weight)
+            return TurnRoutes(columns, weights, is_open, paths.get(mode, []))
 
         return made_last(self, ("turns", weight), mode, make)
 
@@ -630,7 +642,8 @@ class RouteQueries:
     def select_mode(self, mode: str | Mapping[str, str]) -> Any:  # Any: an `IGraph`, as above
         """Return the graph of a mode: all nodes, and the edges that agents of the mode may use.
 
-        It is for reading, and has the neighbors, paths and distances of these agents. Closed roads are missing, as in
+        It is for reading, and has the neighbors, paths, distances and travel times of these agents: an attribute such
+        as `travel_time:drive` replaces `travel_time` in the graph of the mode `drive`. Closed roads are missing, as in
         the whole graph.
 
         Args:

@@ -70,7 +70,7 @@ def movement_of(
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":
-        terms = TravelTerms.of(game, whole or streets)
+        terms = TravelTerms.of(game)
         return Movement(streets, whole, closed, speeds=speeds, terms=terms, modes=modes)
     depends = have_modes or any(speed is not None for speed in speeds)
     return Movement(streets, whole, closed, speeds=speeds if depends else None, modes=modes)

@@ -13,7 +13,7 @@ from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
 from gamms.game.movement.courses import Courses
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.roads import RoadMap, RoadTables
-from gamms.game.movement.travel import ReachableNodes, StoredPaths, TurnPaths
+from gamms.game.movement.travel import NO_ROWS, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
 from gamms.kernels import buffer
 from gamms.limits import refuse_above
@@ -137,7 +137,7 @@ class TravelColumns:
         self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread, by metres
         rows = state.node.size
         edges_at = by.all_roads.edges_at_start
-        costs = by.terms.costs if by.by_metres else np.asarray(by.whole.weights("length"), np.float64)
+        costs = by.costs if by.by_metres else np.asarray(by.whole.weights("length"), np.float64)
         self._ways = StoredPaths(by.columns, costs, rows if go_by_steps else 0, _remembered(rows), edges_at)
         self._paths = [self._ways]  # all that are stored
         self.ends: tuple[IntArray, IntArray] | None = None
@@ -149,7 +149,7 @@ class TravelColumns:
             self._longest = max(8, self._most if by.is_endless else 0)
             self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
         else:
-            self._hops = StoredPaths(by.columns, np.ones(len(costs)), rows, 8, edges_at)
+            self._hops = StoredPaths(by.columns, np.ones(len(by.columns.edge_ids)), rows, 8, edges_at)
             self._paths.append(self._hops)
 
     def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
@@ -158,15 +158,17 @@ class TravelColumns:
         self._maps = tables.maps
         all_roads = self._by.all_roads
         edges_at = all_roads.edges_at(self._maps)
+        have_costs = self._by.by_metres and len(self._by.modes) > 0
+        first_costs = tables.first_costs(len(self._by.columns.edge_ids)) if have_costs else NO_ROWS
         for paths in self._paths:
-            paths.take_maps(edges_at, moved)
+            paths.take_maps(edges_at, moved, first_costs)
         for walks in self._walks:
             walks.take(streets)
         if self._roads:
             removed = buffer(all_roads.removed(self._maps))
             offsets, edges = map(buffer, edges_at[0])
             for roads in self._roads:
-                roads.take(offsets, edges)
+                roads.take(offsets, edges, buffer(first_costs))
                 roads.note_removed(removed)
 
     def _refuse_too_long(self, kept: int) -> None:

@@ -17,11 +17,11 @@ from gamms.core.by_edges import LegalByEdges
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame, kept_in
 from gamms.game.movement.noted_moves import NotedMoves, Places
-from gamms.game.movement.roads import OpenRoads, RoadMap, RoadTables, refuse_several_maps
+from gamms.game.movement.roads import ModeEdges, OpenRoads, RoadMap, RoadTables, refuse_several_maps
 from gamms.game.movement.routes import RouteTable, shared_routes
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, map_of
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, find_usable_edges
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
@@ -34,32 +34,29 @@ _AT_ONCE = 1 << 12  # positions at which the most legal nodes are looked for
 
 
 class TravelTerms(NamedTuple):
-    """The costs and times by which agents travel.
+    """How agents travel by metres.
 
     Attributes:
         weight: the edge weight by which agents choose paths.
-        costs: (edges,) the costs by this weight.
-        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        are_limited: whether the weights are the minimum travel times of edges, in seconds.
         turn_seconds: the duration of a turn, in the time unit of speeds.
         decides_at_arrivals: whether agents decide on arrival; see `arrivals`.
     """
 
     weight: str
-    costs: FloatArray
-    seconds: FloatArray | None
+    are_limited: bool
     turn_seconds: float
     decides_at_arrivals: bool = False
 
     @classmethod
-    def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
-        """Return the terms of a game by metres; `streets` has all roads that may be open."""
+    def of(cls, game: PlayedGame) -> "TravelTerms":
+        """Return the terms of a game by metres."""
         settings = game.settings()
         weight = settings["weight"]
         is_by_seconds = settings["speed_unit"] == "metres_per_second"
-        costs = np.asarray(streets.weights(weight), np.float64)
-        seconds = costs if weight == "travel_time" and is_by_seconds else None
+        are_limited = weight == "travel_time" and is_by_seconds
         turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
-        return cls(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
+        return cls(weight, are_limited, turn_seconds, settings["decide"] == "arrival")
 
 
 class Movement:
@@ -71,7 +68,7 @@ class Movement:
         closed: the closed roads.
         speeds: the speeds of agents in the order of the roster, None for one edge in a turn; None instead: legal nodes
             do not depend on speeds.
-        terms: the costs and times of travel by metres; None: speeds count edges.
+        terms: how agents travel by metres; None: speeds count edges.
         modes: the mode of each agent, by which it may use edges; None: all edges.
         are_all_legal: whether agents may move to any node in a turn; by metres, they are never on edges.
 
@@ -81,6 +78,7 @@ class Movement:
         paces: (agents,) the speeds, in edges at most the number of nodes; NaN: along one edge.
         is_paced: (agents,) whether each agent has a speed.
         modes: the modes of agents.
+        mode_edges: the edges of `whole` for each mode.
         mode_of: (agents,) the number of each agent's mode, from 1; 0: it may use all edges.
         by_metres: whether agents may be anywhere on edges, and move by speeds in metres.
         leaves_nodes: whether agents may be off the nodes.
@@ -128,7 +126,9 @@ class Movement:
         number_of: dict[str | None, int] = {mode: number for number, mode in enumerate(self.modes, 1)}
         of_each = modes or [None] * len(self.paces)
         self.mode_of = np.array([number_of.get(mode, 0) for mode in of_each], np.int64)
+        self.mode_edges = [ModeEdges(self.whole.columns, mode) for mode in self.modes]
         self._terms = terms
+        self._costs = None if terms is None else self._weigh(terms.weight)
         self._tables: dict[str | None, RouteTable] = {}
 
     # -- the map --------------------------------------------------------------------------------------------------
@@ -150,9 +150,19 @@ class Movement:
 
     @property
     def terms(self) -> TravelTerms:
-        """The costs and times of travel by metres."""
+        """How agents travel by metres."""
         assert self._terms is not None  # noqa: S101 - asked by metres only
         return self._terms
+
+    def _weigh(self, weight: str) -> FloatArray:
+        """Return the weights (modes + 1, edges) of all edges, without a mode and for each mode."""
+        return np.array([self.whole.weights(weight), *[one.weights(weight) for one in self.mode_edges]], np.float64)
+
+    @property
+    def costs(self) -> FloatArray:
+        """The costs (modes + 1, edges) by which agents choose paths by metres, without a mode and for each mode."""
+        assert self._costs is not None  # noqa: S101 - asked by metres only
+        return self._costs
 
     @property
     def is_plain(self) -> bool:
@@ -167,7 +177,7 @@ class Movement:
     @property
     def is_endless(self) -> bool:
         """Whether an agent goes any distance in a turn, by metres."""
-        return self.terms.seconds is None and bool(np.isinf(self.paces).any())
+        return not self.terms.are_limited and bool(np.isinf(self.paces).any())
 
     @cached_property
     def map(self) -> core.RoadEdges:
@@ -178,7 +188,8 @@ class Movement:
         """Return the map in the form of the core, for one thread."""
         terms = self.terms
         leaving, _ = self.all_roads.edges_at([self._on])
-        return map_of(self.columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
+        costs = self.costs if self._on is None else self.costs[self._on.mode]
+        return map_of(self.columns, costs, costs if terms.are_limited else None, terms.turn_seconds, leaving)
 
     def on(self, roads: RoadMap) -> Self:
         """Return the movement of the same agents on another map."""
@@ -236,8 +247,7 @@ class Movement:
 
     def begin(self, edge: IntArray, share: FloatArray, motion: IntArray, time: FloatArray) -> None:
         """Begin games with the roads of the map open, given the columns that say where agents are on edges."""
-        may_use = [find_usable_edges(self.columns, mode) for mode in self.modes]
-        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time), may_use)
+        self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time), self.mode_edges)
         self.edge = edge
         self.share = share
         self.motion = motion

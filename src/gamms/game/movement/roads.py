@@ -18,7 +18,17 @@ from gamms.errors import BadValue
 from gamms.game.conflicts import flat
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import EdgesAt
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
+from gamms.ir.graph import (
+    ClosedEdges,
+    FloatArray,
+    GraphColumns,
+    IntArray,
+    apply_mode,
+    edge_weights,
+    find_usable_edges,
+    locked_columns,
+    with_edges,
+)
 from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 1 << 28  # of data computed for maps, except route tables, which batches share
@@ -48,6 +58,15 @@ class RoadTables(NamedTuple):
     targets: IntArray
     stride: int
 
+    def first_costs(self, edges: int) -> IntArray:
+        """Return the index of the cost of the first edge on each map, (maps,), if the costs of modes follow each other.
+
+        Args:
+            edges: the number of edges of all maps.
+        """
+        nodes = (len(self.offsets) - 1) // len(self.maps)
+        return np.arange(len(self.maps)) * nodes // max(1, self.stride) * edges
+
     def moved(self, before: Sequence["RoadMap | None"]) -> IntArray:
         """Return the index of the first node of each of some other maps, (maps,); -1: it is not among the maps."""
         nodes = (len(self.offsets) - 1) // len(self.maps)
@@ -73,15 +92,17 @@ class RoadMap:
         closed: id -> edge, for all closed edges.
 
     Attributes:
+        mode: the number of the mode whose edges the map has, from 1; 0: all open edges.
         shared: data computed for this map; see `GameArrays`.
         of_modes: this map with the edges that each mode may use, as far as they were asked for.
         snapshot: the map of a context, as `ctx.graph.storage.snapshot` returns it; None: no rule has made it.
     """
 
     def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
-        self._whole = roads.whole
+        self._whole: StreetGraph | ModeEdges = roads.whole
         self._at_start = len(roads.streets.columns.edge_ids)
         self.number = number
+        self.mode = 0
         self.gone = gone
         self.opened = opened
         self.closed = closed
@@ -153,23 +174,51 @@ class RoadMap:
         return with_edges(columns, rows, offsets, out_edges)
 
 
+class ModeEdges:
+    """All edges that may be open, with the attributes of a mode.
+
+    Args:
+        columns: the graph with all roads open.
+        mode: the mode.
+
+    Attributes:
+        columns: the graph with the attributes of the mode.
+        may_use: (edges,) whether the mode may use each edge.
+    """
+
+    def __init__(self, columns: GraphColumns, mode: str) -> None:
+        self.columns = apply_mode(columns, mode)
+        self.may_use = find_usable_edges(columns, mode)
+        self._weights: dict[str | None, FloatArray] = {}
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return the weight of each edge, (edges,)."""
+        if weight not in self._weights:
+            self._weights[weight] = edge_weights(self.columns, weight)
+        return self._weights[weight]
+
+
 class ModeMap(RoadMap):
-    """A map with the edges that a mode may use.
+    """A map with the edges that a mode may use, and their weights for this mode.
 
     Args:
         roads: the roads of all games.
         base: the map with all open edges; None: the map of the start.
-        may_use: (edges,) whether the mode may use each edge of `roads.whole`.
+        mode: the number of the mode, from 1.
     """
 
-    def __init__(self, roads: "OpenRoads", base: RoadMap | None, may_use: BoolArray) -> None:
+    def __init__(self, roads: "OpenRoads", base: RoadMap | None, mode: int) -> None:
+        edges = roads.modes[mode - 1]
+        may_use = edges.may_use
         at_start = len(roads.streets.columns.edge_ids)
         gone = np.zeros(0, np.int64) if base is None else base.gone
         opened = np.zeros(0, np.int64) if base is None else base.opened
         unused = np.union1d(gone, np.flatnonzero(~may_use[:at_start]))
         closed = roads.closed_at_start if base is None else base.closed
         super().__init__(roads, 0 if base is None else base.number, unused, opened[may_use[opened]], closed)
+        self._whole = edges
         self._base = base
+        self.mode = mode
 
     @cached_property
     def is_removed(self) -> BoolArray:
@@ -193,7 +242,7 @@ def _joined(each: Sequence[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArr
 class _OpenRoutes:
     """The weighted edges of a map whose open roads differ from the start."""
 
-    def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
+    def __init__(self, whole: StreetGraph | ModeEdges, roads: RoadMap) -> None:
         self._whole = whole
         self._roads = roads
 
@@ -225,10 +274,10 @@ class OpenRoads:
         whole: the graph with all roads open; edges that were closed at the start follow all others.
         closed: the edges that were closed at the start.
         games: the number of games.
-        modes: (edges,) whether each mode may use each edge of `whole`.
+        modes: the edges of `whole` for each mode.
 
     Attributes:
-        streets, whole: as given.
+        streets, whole, modes: as given.
         closed_at_start: the argument `closed`.
         number: (games,) the number of each game's map; 0: the map of the start.
         are_closed: whether the map of any game differs from the start.
@@ -243,12 +292,12 @@ class OpenRoads:
         whole: StreetGraph,
         closed: ClosedEdges,
         games: int,
-        modes: Sequence[BoolArray] = (),
+        modes: Sequence[ModeEdges] = (),
     ) -> None:
         self.streets = streets
         self.whole = whole
         self.closed_at_start = closed
-        self._modes = modes
+        self.modes = modes
         self._of_modes: dict[int, RoadMap] = {}  # of the map of the start; see `RoadMap.of_modes`
         self.are_closed = False
         self.number = np.zeros(games, np.int64)
@@ -276,7 +325,7 @@ class OpenRoads:
     @property
     def differ(self) -> bool:
         """Whether agents may use different edges."""
-        return self.are_closed or len(self._modes) > 0
+        return self.are_closed or len(self.modes) > 0
 
     def for_mode(self, base: RoadMap | None, mode: int) -> RoadMap | None:
         """Return a map with the edges that a mode may use, by its number from 1; 0: all."""
@@ -284,7 +333,7 @@ class OpenRoads:
             return base
         known = self._of_modes if base is None else base.of_modes
         if mode not in known:
-            known[mode] = ModeMap(self, base, self._modes[mode - 1])
+            known[mode] = ModeMap(self, base, mode)
         return known[mode]
 
     def put(self, games: IntArray, roads: RoadMap | None) -> None:
@@ -359,7 +408,7 @@ class OpenRoads:
             numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
             maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
             several = [maps[number] for number in numbers.tolist()]
-            every = [self.for_mode(one, mode) for mode in range(len(self._modes) + 1) for one in several]
+            every = [self.for_mode(one, mode) for mode in range(len(self.modes) + 1) for one in several]
             legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in every]
             nodes = self.streets.num_nodes
             self._tables = RoadTables(every, slots[1:] * nodes, *_joined(legal), len(several) * nodes)

@@ -22,7 +22,7 @@ from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Quat
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, find_usable_edges
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, apply_mode, edge_weights, find_usable_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext, IContext
@@ -40,6 +40,7 @@ _COLUMNS = (
     *("node", "edge", "motion", "left", "legs", "passed", "share", "now", "speed", "pace"),
     *(*_OF_LEGS, "nodes", "times", "route"),
 )
+NO_ROWS = np.zeros(0, np.int64)
 STAYS = -1  # the number of nodes on the route of an agent that stays
 
 
@@ -54,14 +55,14 @@ def map_of(
 
     Args:
         columns: the columns of the graph.
-        costs: (edges,) the costs by which agents choose paths.
-        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        costs: (edges,) the costs by which agents choose paths; or (kinds, edges), see `core.RoadEdges`.
+        seconds: the minimum travel times of edges, in the same form; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
         leaving: offsets and rows of the edges out of each node, of one map or several; None: those of the graph.
     """
     offsets, edges = (columns.offsets, columns.out_edges) if leaving is None else leaving
     ints = [columns.node_ids, offsets, edges, columns.sources, columns.targets]
-    floats = [columns.lengths, costs, np.zeros(0) if seconds is None else seconds]
+    floats = [columns.lengths, np.ravel(costs), np.zeros(0) if seconds is None else np.ravel(seconds)]
     views: list[Any] = [np.ascontiguousarray(column, np.int64).data for column in ints]
     views += [np.ascontiguousarray(column, np.float64).data for column in floats]
     return core.RoadEdges(*[*views, turn_seconds])
@@ -384,7 +385,7 @@ class StoredPaths:
 
     Args:
         columns: the columns of the graph.
-        costs: (edges,) the costs by which agents choose paths.
+        costs: (edges,) or (kinds, edges) the costs by which agents choose paths.
         rows: the number of agents.
         most: the maximum number of stored nodes of each path.
         edges_at: the open edges out of each node and into each node, as offsets and rows; None: those of the graph.
@@ -396,13 +397,22 @@ class StoredPaths:
         self._costs = costs
         self._columns = columns
         entering = kernels.group_rows(columns.targets, len(columns.node_ids))
-        self._take_edges(((columns.offsets, columns.out_edges), entering) if edges_at is None else edges_at)
+        self._take_edges(((columns.offsets, columns.out_edges), entering) if edges_at is None else edges_at, NO_ROWS)
         self._begin(rows, most)
 
-    def _take_edges(self, edges_at: EdgesAt) -> None:
+    def _take_edges(self, edges_at: EdgesAt, first_costs: IntArray) -> None:
         leaving, entering = edges_at
-        self._leaving = _of_finite_costs(self._costs, leaving)
-        self._entering = _of_finite_costs(self._costs, entering)
+        self._leaving = self._select_open(leaving, first_costs)
+        self._entering = self._select_open(entering, first_costs)
+
+    def _select_open(self, edges_at: tuple[IntArray, IntArray], first_costs: IntArray) -> tuple[IntArray, IntArray]:
+        """Return offsets and rows of edges without edges of infinite cost."""
+        offsets, edges = edges_at
+        is_finite = np.isfinite(self._costs).ravel()
+        if not len(first_costs):
+            return _chosen(is_finite[edges], edges_at)
+        counts = np.diff(offsets[:: len(self._columns.node_ids)])
+        return _chosen(is_finite[edges + np.repeat(first_costs, counts)], edges_at)
 
     def _begin(self, rows: int, most: int) -> None:
         self.most = most
@@ -422,7 +432,7 @@ class StoredPaths:
     def ways(self, roads: core.RoadEdges, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, for one thread on a map."""
         columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
-        direct: Any = np.zeros(len(self._costs), np.uint8).data
+        direct: Any = np.zeros(len(self._columns.edge_ids), np.uint8).data
         turned = replace(self._columns, sources=self._columns.targets, targets=self._columns.sources)
         back = map_of(turned, self._costs, None, 1.0, self._entering)
         self._back.append(back)
@@ -434,17 +444,18 @@ class StoredPaths:
         self._plain.append(roads)
         return self.ways(roads, reach)
 
-    def take_maps(self, edges_at: EdgesAt, moved: IntArray) -> None:
+    def take_maps(self, edges_at: EdgesAt, moved: IntArray, first_costs: IntArray) -> None:
         """Switch to other maps, and keep the paths on those that remain.
 
         Args:
             edges_at: the open edges out of each node and into each node, of one map after the other.
             moved: (old maps,) the new place of the first node of each old map; -1: it is gone.
+            first_costs: (maps,) see `core.RoadEdges`.
         """
-        self._take_edges(edges_at)
+        self._take_edges(edges_at, first_costs)
         for maps, (offsets, rows) in ((self._plain, self._leaving), (self._back, self._entering)):
             for one in maps:
-                one.take(kernels.buffer(offsets), kernels.buffer(rows))
+                one.take(kernels.buffer(offsets), kernels.buffer(rows), kernels.buffer(first_costs))
         nodes = len(self._columns.node_ids)
         goal = self._ints[0]
         first = moved[goal // nodes]
@@ -551,7 +562,7 @@ class RoadMap(PathFinder, RoadIds):
     Args:
         graph: the graph.
         columns: the columns of the graph.
-        weight: the edge weight by which agents choose paths.
+        costs: (edges,) the costs by which agents choose paths.
         seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
         mode: the edge attribute that says which edges agents may use; None: all.
@@ -561,13 +572,13 @@ class RoadMap(PathFinder, RoadIds):
         self,
         graph: IGraph,
         columns: GraphColumns,
-        weight: str | None,
-        seconds: Any,
+        costs: FloatArray,
+        seconds: FloatArray | None,
         turn_seconds: float,
         mode: str | None = None,
     ) -> None:
         edges_at = None if mode is None else find_edges_at(columns, mode)
-        PathFinder.__init__(self, columns, graph.weights(weight), edges_at)
+        PathFinder.__init__(self, columns, costs, edges_at)
         roads = map_of(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
         edge_ids = columns.edge_ids.tolist()
@@ -622,19 +633,14 @@ class RoadMap(PathFinder, RoadIds):
 def find_edges_at(columns: GraphColumns, mode: str) -> EdgesAt:
     """Return the edges that a mode may use out of each node and into each node, as offsets (nodes + 1,) and rows."""
     may_use = find_usable_edges(columns, mode)
+    leaving = columns.offsets, columns.out_edges
     entering = kernels.group_rows(columns.targets, len(columns.node_ids))
-    return _chosen(may_use, (columns.offsets, columns.out_edges)), _chosen(may_use, entering)
+    return _chosen(may_use[leaving[1]], leaving), _chosen(may_use[entering[1]], entering)
 
 
-def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-    """Return offsets and rows of edges without edges of infinite cost."""
-    return _chosen(np.isfinite(costs), edges_at)
-
-
-def _chosen(which: BoolArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-    """Return offsets and rows of the edges of a mask (edges,)."""
+def _chosen(kept: BoolArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+    """Return the offsets and rows of some of these edges; `kept` is a mask of the rows."""
     offsets, edges = edges_at
-    kept = which[edges]
     return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
 
 
@@ -684,8 +690,9 @@ class Travel(TravelSearch):
         if self._roads is None or key != self._key or key[0] is None:
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
             has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
-            seconds = graph.weights(settings.weight) if has_speeds else None
-            roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds, self._mode)
+            costs = weigh_edges(self._ctx, settings.weight, self._mode)
+            seconds = costs if has_speeds else None
+            roads = RoadMap(graph, self._ctx.graph.columns(), costs, seconds, turn_seconds, self._mode)
             self._roads = roads
             self.found_on = roads
             self._key = key
@@ -788,6 +795,14 @@ class Travel(TravelSearch):
 def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
     """Return the graph of the edges that the agents of a mode may use; None: the whole graph."""
     return ctx.graph.graph if mode is None else ctx.graph.routes.select_mode(mode)
+
+
+def weigh_edges(ctx: HostContext, weight: str | None, mode: str | None) -> FloatArray:
+    """Return the weight of each edge, (edges,), for agents of a mode."""
+    if mode is None:
+        whole: IGraph = ctx.graph.graph
+        return whole.weights(weight)
+    return edge_weights(apply_mode(ctx.graph.columns(), mode), weight)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
