@@ -224,6 +224,40 @@ def test_an_agent_stays_where_all_edges_of_its_mode_are_closed_until_they_open(u
         assert agent.current_node_id == 1
 
 
+def test_a_mode_stays_known_when_its_last_edge_is_removed(tmp_path):
+    def demolish(ctx):
+        if ctx.game.turn == 2:
+            for edge in (0, 1):
+                ctx.graph.remove_edge(edge)
+
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        for edge in (0, 1):
+            ctx.graph.update_edge({"id": edge, "ferry": True})
+        agent = ctx.agent.create_agent("a", start_node_id=0, mode="ferry", strategy=strategies.random_walk)
+        ctx.game.add(demolish)
+        ctx.record.start(tmp_path / "game.ggr")
+        with ctx.game.batch(2) as games:
+            games.run(4)
+            assert [games.result(number).turns for number in range(2)] == [4, 4]
+        ctx.game.run(4)
+        ctx.record.stop()
+        assert agent.state["legal"] == (agent.current_node_id,)
+        assert [*ctx.graph.routes.select_mode("ferry").get_edges()] == []
+        ctx.game.restore(ctx.game.snapshot())
+        with ctx.game.fork(0).ctx as fork:
+            fork.game.step()
+            assert fork.agent.get_agent("a").current_node_id == agent.current_node_id
+        with pytest.raises(UnknownName, match="Unknown mode 'fery'"):
+            ctx.graph.routes.select_mode("fery")
+    with (
+        gamms.recorder.open(tmp_path / "game.ggr") as recording,
+        recording.resume(3, {"a": strategies.random_walk}) as again,
+    ):
+        again.game.step()
+        assert again.agent.get_agent("a").current_node_id == agent.current_node_id
+
+
 def test_a_keyword_whose_text_names_an_edge_attribute_warns_once_that_it_changes_no_route(caplog):
     with gamms.create_context() as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))

@@ -181,7 +181,9 @@ class CachedRoutes(Routes):
         if known is not None and known[:2] == (self._store.revision, known[2].revision):
             return known[2]
         columns = self._store.columns()
-        check_mode(columns, self._store.closed, mode)
+        if mode not in self._store.modes:
+            check_mode(columns, self._store.closed, mode)
+            self._store.modes |= {mode}
         store = GraphStore()
         chosen = apply_mode(select_edges(columns, find_usable_edges(columns, mode)), mode)
         store.replace(chosen, self._store.attribution, self._store.scenery, {})

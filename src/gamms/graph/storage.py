@@ -36,6 +36,7 @@ class MapSnapshot(NamedTuple):
     attribution: str | None
     scenery: str | Scenery | None
     closed: ClosedEdges
+    modes: frozenset[str]
     revision: int
     obstacle_revision: int
     visibility_rows: Cache
@@ -49,6 +50,7 @@ class MapSnapshot(NamedTuple):
             store = GraphStore()
             obstacles = Obstacles()
             store.replace(self.columns, self.attribution, self.scenery, self.closed)
+            store.modes = self.modes
             obstacles.put(self.obstacles)
             self.shared.append((store, obstacles))
         return self.shared[0]
@@ -129,7 +131,15 @@ class MapStorage(Guarded, IMapStorage):
         store = self._store
         stream = self._place_stream
         packed = self._packed_map()
-        of = (*self._now(), id(store.closed), store.attribution, store.scenery, id(self.visibility_rows), id(packed))
+        of = (
+            *self._now(),
+            id(store.closed),
+            store.modes,
+            store.attribution,
+            store.scenery,
+            id(self.visibility_rows),
+            id(packed),
+        )
         if stream is None and self._last_snapshot is not None and self._last_snapshot[0] == of:
             return self._last_snapshot[1]
         snapshot = MapSnapshot(
@@ -138,6 +148,7 @@ class MapStorage(Guarded, IMapStorage):
             store.attribution,
             store.scenery,
             store.closed,
+            store.modes,
             store.revision,
             self._obstacles.revision,
             self.visibility_rows,
@@ -172,6 +183,10 @@ class MapStorage(Guarded, IMapStorage):
         self._obstacles.share(obstacles)
         self.visibility_rows = snapshot.visibility_rows
         self._packed = self._now(), snapshot.packed
+
+    def note_mode(self, mode: str) -> None:
+        """Let a mode of agents be known, although no edge may have its attribute any more."""
+        self._store.modes |= {mode}
 
     def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of all edges in insertion order, and the ids of closed edges."""

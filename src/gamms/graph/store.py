@@ -71,6 +71,7 @@ class GraphStore(SharesTables):
         attribution: the authors of the data.
         scenery: the base map, which blocks no sight, or its name; None: no base map.
         closed: id -> closed edge, as `add_edge` takes it; replaced, never mutated.
+        modes: the modes that were asked for; they stay known when their last edge is removed.
     """
 
     edges: EdgeTable
@@ -89,6 +90,7 @@ class GraphStore(SharesTables):
         self.road_changes = 0
         self._changed_roads: deque[Sequence[int]] = deque(maxlen=_MOST_CHANGES)  # the edges of the last road changes
         self.neighborhoods = Neighborhoods(self)
+        self.modes: frozenset[str] = frozenset()
         self._ground: FloatArray | None = None
         self._ground_key: tuple[int, int, int] | None = None
 
@@ -262,6 +264,7 @@ class GraphStore(SharesTables):
         self.attribution = other.attribution
         self.scenery = other.scenery
         self.closed = other.closed
+        self.modes |= other.modes
         self.revision = max(self.revision + 1, other.revision)
         is_same = self.revision == other.revision
         self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
@@ -284,13 +287,14 @@ class GraphStore(SharesTables):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are rebuilt on loading."""
-        return _rebuilt, (self.columns(), self.attribution, self.scenery, self.closed)
+        return _rebuilt, (self.columns(), self.attribution, self.scenery, self.closed, self.modes)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
         """Copy the graph, for simulations by a strategy."""
         copied = GraphStore()
         memo[id(self)] = copied
         copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery, deepcopy(self.closed, memo))
+        copied.modes = self.modes
         return copied
 
     def _number(self, table: str) -> NodeNumbers:
@@ -340,10 +344,15 @@ class GraphStore(SharesTables):
 
 
 def _rebuilt(
-    columns: GraphColumns, attribution: str | None, scenery: str | Scenery | None, closed: ClosedEdges
+    columns: GraphColumns,
+    attribution: str | None,
+    scenery: str | Scenery | None,
+    closed: ClosedEdges,
+    modes: frozenset[str],
 ) -> GraphStore:
     store = GraphStore()
     store.replace(columns, attribution, scenery, closed)
+    store.modes = modes
     return store
 
 

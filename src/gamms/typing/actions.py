@@ -66,8 +66,11 @@ def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
     Raises:
         BadType, UnknownName (KeyError), BadValue: no edge has the attribute, or its values are no booleans or numbers.
     """
-    if block.trusts_nodes:  # a replay, in which no agent chooses its way
-        return as_mode(value) if isinstance(value, (str, Mapping)) else None
+    if block.trusts_nodes:  # a replay, in which no agent chooses its way, but which may go on as a game
+        known = as_mode(value) if isinstance(value, (str, Mapping)) else None
+        if known is not None:
+            ctx.graph.storage.note_mode(known)
+        return known
     mode = as_mode(value)
     if mode is not None:
         ctx.graph.routes.select_mode(mode)

@@ -100,6 +100,10 @@ class IMapStorage(ABC):
         """Share the graph and the obstacles of another context's snapshot, until one of the contexts changes them."""
 
     @abstractmethod
+    def note_mode(self, mode: str) -> None:
+        """Let a mode of agents be known, although no edge may have its attribute any more."""
+
+    @abstractmethod
     def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of all edges in insertion order, and the closed edges."""
 

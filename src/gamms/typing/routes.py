@@ -651,7 +651,8 @@ class RouteQueries:
                 attribute with true and false. Edges where it is true or above 0 may be used.
 
         Raises:
-            UnknownName (KeyError): no edge has this attribute, closed ones included.
+            UnknownName (KeyError): no edge has this attribute, closed ones included, nor had it when the mode was asked
+                for before.
             BadType, BadValue: the mode is no name, or the attribute has other values.
         """
         name = as_mode(mode)
