@@ -224,6 +224,44 @@ def test_an_agent_stays_where_all_edges_of_its_mode_are_closed_until_they_open(u
         assert agent.current_node_id == 1
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"speed": 2.0},
+        {"speed_unit": "metres", "speed": 25.0},
+        {"speed_unit": "metres", "weight": "toll", "speed": 25.0},
+    ],
+)
+@pytest.mark.parametrize("mode", [None, "drive"])
+def test_waypoints_are_nodes_that_the_agent_can_reach(settings, mode):
+    rest = {"max_turns": 25, **settings}
+    speed = {"speed": rest.pop("speed")} if "speed" in rest else {}
+    with gamms.create_context(seed=4, game=rest) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, spacing=10.0))
+        if mode is None and "weight" not in settings:  # the other nodes have no edges to the first ones
+            for edge in [*ctx.graph.get_edges()]:
+                if (ctx.graph.get_edge(edge).source < 8) != (ctx.graph.get_edge(edge).target < 8):
+                    ctx.graph.remove_edge(edge)
+        for edge in [*ctx.graph.get_edges()]:
+            is_near = max(ctx.graph.get_edge(edge)[1:3]) < 8
+            toll = 1.0 if is_near or mode is not None else np.inf
+            ctx.graph.update_edge({"id": edge, "drive": is_near, "toll": toll})
+        ctx.agent.create_agent("a", start_node_id=0, mode=mode, strategy=strategies.random_waypoints(ctx), **speed)
+        drawn = set()
+        nodes = []
+        with ctx.game.batch(seeds=[4]) as games:
+            for _ in range(25):
+                games.step()
+                nodes.append(games.columns()["node"].tolist())
+        for turn in range(25):
+            ctx.game.step()
+            drawn.add(ctx.game.memories["a"]["random_waypoints"][0])
+            assert nodes[turn] == [[ctx.agent.get_agent("a").current_node_id]]
+        assert drawn <= {*range(8)}
+        assert len(drawn) > 3
+
+
 def test_a_mode_stays_known_when_its_last_edge_is_removed(tmp_path):
     def demolish(ctx):
         if ctx.game.turn == 2:

@@ -129,6 +129,8 @@ class OneEdgeMovers:
         self.given = given
         self.routes = routes
         self.by_steps = by_steps
+        if by_steps is not None:
+            self.by_steps.take_moves(self.streets.offsets, self.streets.targets)  # type: ignore[union-attr]
         self.contests = contests
         self.requests = requests
         self.has_conflicts = contests is not None
@@ -149,6 +151,8 @@ class OneEdgeMovers:
     def take(self, streets: LegalMoves) -> None:
         """Replace the legal moves."""
         self.streets = streets
+        if self.by_steps is not None:
+            self.by_steps.take_moves(streets.offsets, streets.targets)
 
     def sort_kinds(self) -> None:
         """Sort the agents by kinds of decisions; called whenever `decides_by` has changed."""
@@ -395,6 +399,7 @@ def ask(
         drawn: (games * agents,) how many numbers each has drawn in this turn; it is updated.
         found: (games * agents,) receives the number of the legal node that each chooses, unless it chooses none.
     """
+    p.take_moves(s.offsets, s.targets)
     row = 0
     for at in range(len(games)):
         strategies.begin(p, games[at])

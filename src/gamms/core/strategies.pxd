@@ -46,12 +46,14 @@ cdef class Strategies:
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
     cdef const u8[::1] anywhere
+    cdef const i32[::1] near_offsets, near_targets
     cdef i64[::1] memory, legal, legal_ids, seen
     cdef double[::1] safety
     cdef i64 count, ahead, drawn
-    cdef bint goes_far
+    cdef bint goes_far, has_roads
 
     cpdef go_far(self, travel.GoalPaths ways)
+    cpdef int take_moves(self, const i32[::1] offsets, const i32[::1] targets) except -1 nogil
 
 
 cdef int begin(Strategies p, i64 game) except -1 nogil
@@ -72,6 +74,10 @@ cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2
 cdef i64 _nearest_stop(Strategies p, i64 step, i64 node) except -1 nogil
 @cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+@cython.locals(first=i64, target=i64, is_near=bint, count=i64, left=i64, number=i64)
+cdef i64 _draw_waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
+@cython.locals(place=i64, at=i64, number=i64, edge=i64)
+cdef int _list_reachable(Strategies p, i64 node) except -1 nogil
 @cython.locals(count=i64, enemies=i64, place=i64)
 cdef i64 _find_enemies(Strategies p, i64 game, i64 agent) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double, place=i64)

@@ -160,6 +160,8 @@ class Strategies:
         ahead: the node at the end of the current agent's edge; -1: it is on a node.
         goes_far: whether the current agent may choose a target beyond the legal nodes,
         long_ways: and the paths that it then follows.
+        has_roads: whether there are such paths, for agents that do not all go along one edge a turn.
+        near_offsets, near_targets: the legal moves, as in `moves.LegalMoves`, of agents that go along one edge a turn.
         anywhere: empty; all nodes are allowed, see `routes.node_towards`.
         drawn: the number of draws of the current agent in this turn; set by the caller.
     """
@@ -192,12 +194,22 @@ class Strategies:
         self.ahead = -1
         self.goes_far = False
         self.long_ways: travel.GoalPaths | None = None
+        self.has_roads = False
         self.anywhere = memoryview(b"")
+        self.near_offsets = memoryview(array("i"))
+        self.near_targets = memoryview(array("i"))
         self.drawn = 0
 
     def go_far(self, ways: travel.GoalPaths) -> None:
         """Set the shortest paths, by row, of agents that may choose targets beyond their legal nodes."""
         self.long_ways = ways
+        self.has_roads = True
+
+    def take_moves(self, offsets: memoryview[int], targets: memoryview[int]) -> int:
+        """Set the legal moves along one edge, by which waypoints are reachable."""
+        self.near_offsets = offsets
+        self.near_targets = targets
+        return 0
 
 
 def begin(p: Strategies, game: int) -> int:
@@ -321,11 +333,58 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
         far = _distance(p, game, agent, node, target)
     left = turns_left(target == node, p.memory[place_of_left], far)
     if left < 0:
-        target = p.steps.nodes[p.steps.first[step] + _drawn(p, game, agent, p.steps.sizes[step])]
+        target = _draw_waypoint(p, game, agent, step, node)
         left = p.steps.numbers[step]
     p.memory[place] = target
     p.memory[place_of_left] = left
     return target
+
+
+def _draw_waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int:
+    """Draw a waypoint of an agent; if it cannot reach the node, draw one of those that it can reach, if there are any.
+
+    So nothing has to be searched where all nodes can be reached.
+    """
+    first = p.steps.first[step]
+    target = p.steps.nodes[first + _drawn(p, game, agent, p.steps.sizes[step])]
+    is_near = not p.goes_far and routes.number_of(p.legal, 0, p.count, target) >= 0
+    if is_near or _distance(p, game, agent, node, target) < INFINITE:
+        return target
+    _list_reachable(p, node)
+    count = 0
+    for number in range(first, first + p.steps.sizes[step]):
+        if p.ways.paths.reach.listed[p.steps.nodes[number]] == p.ways.paths.reach.search:
+            count += 1
+    if count == 0:
+        return target
+    left = _drawn(p, game, agent, count)
+    number = first
+    while left > 0 or p.ways.paths.reach.listed[p.steps.nodes[number]] != p.ways.paths.reach.search:
+        if p.ways.paths.reach.listed[p.steps.nodes[number]] == p.ways.paths.reach.search:
+            left -= 1
+        number += 1
+    return p.steps.nodes[number]
+
+
+def _list_reachable(p: Strategies, node: int) -> int:
+    """List the nodes that the current agent can reach from a node in any time."""
+    p.ways.paths.reach.search += 1
+    p.ways.paths.reach.found = 0
+    travel.list_node(p.ways.paths.reach, node, 0.0)
+    place = 0
+    while place < p.ways.paths.reach.found:
+        at = p.ways.paths.reach.nodes[place]
+        if p.has_roads:
+            for number in range(p.long_ways.roads.count(at)):  # type: ignore[union-attr] # there are some
+                edge = p.long_ways.roads.edge(at, number)  # type: ignore[union-attr]
+                if not p.goes_far or p.long_ways.roads.cost(edge) < INFINITE:  # type: ignore[union-attr]
+                    travel.list_node(p.ways.paths.reach, p.long_ways.roads.targets[edge], 0.0)  # type: ignore[union-attr]
+        else:
+            at += p.ways.arcs.first
+            for number in range(p.near_offsets[at], p.near_offsets[at + 1]):
+                travel.list_node(p.ways.paths.reach, p.near_targets[number], 0.0)
+        place += 1
+    return 0
 
 
 def _find_enemies(p: Strategies, game: int, agent: int) -> int:

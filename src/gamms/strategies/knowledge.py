@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_function_of, as_items
+from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
 from gamms.game.movement.travel import graph_of
@@ -116,6 +117,19 @@ def has_speed(ctx: IContext, state: State) -> bool:
     if "legal" not in state or "name" not in state:
         return False  # in a custom loop a speed may mean anything
     return getattr(ctx.agent.get_agent(state["name"]), "speed", None) is not None
+
+
+def weight_for(ctx: IContext, state: State) -> str | None:
+    """Return the edge weight by which an agent on the ground chooses its paths."""
+    if not goes_far(ctx, state):
+        return "length"
+    game = cast("Context", ctx).game
+    return "length" if game.speed_unit == "edges" else game.weight
+
+
+def goes_far(ctx: IContext, state: State) -> bool:
+    """Return whether an agent on the ground has a speed and a path to go, because it may not go to any node at once."""
+    return has_speed(ctx, state) and cast("Context", ctx).game.legal == "edges"
 
 
 def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
@@ -296,7 +310,10 @@ def step_towards(
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
     graph = graph_for(ctx, state)
-    return aims.step_towards(graph, here, legal, target, has_speed=is_paced, ends=ends, is_allowed=is_allowed)
+    weight = weight_for(ctx, state)
+    return aims.step_towards(
+        graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed
+    )
 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:

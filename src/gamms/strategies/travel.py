@@ -17,14 +17,17 @@ from gamms.strategies.knowledge import (
     as_strategy,
     drawn_below,
     drawn_fraction,
+    goes_far,
     graph_for,
     is_aerial,
     known_nodes,
     legal_nodes,
+    legal_on_map,
     move_to,
     node_of,
     offer_steps,
     required,
+    weight_for,
 )
 from gamms.strategies.stops import route
 from gamms.text import shown
@@ -168,6 +171,8 @@ def random_waypoints(
 ) -> Strategy:
     """Go to a random node, stay there for some turns, go to the next random node, and so on.
 
+    Only nodes are drawn that the agent can reach, by its mode and by open roads, unless it can reach none.
+
     The random waypoint model (Johnson, Maltz: Dynamic source routing in ad hoc wireless networks, 1996) on a graph.
     The target node and the remaining turns are in `state["memory"]`, under `"random_waypoints"`.
 
@@ -191,11 +196,12 @@ def random_waypoints(
         memory = required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
         is_there = target == here
-        far = inf if target is None or is_there else graph_for(ctx, state).distance(here, target)
+        weight = weight_for(ctx, state)
+        far = inf if target is None or is_there else graph_for(ctx, state).distance(here, target, weight)
         left = core.turns_left(is_there, left, far)
         if left < 0:
             options = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
-            target = options[drawn_below(state, len(options), "random_waypoints")]
+            target = _draw_waypoint(ctx, state, options)
             left = turns
         memory["random_waypoints"] = target, left
         move_to(ctx, state, target, fallback, "random_waypoints")
@@ -203,6 +209,20 @@ def random_waypoints(
     kept = at(("random_waypoints",), tuple_of(optional(NODE), whole(-1)))
     offer_steps(strategy, CoreStep("wander", chosen, turns, key="random_waypoints"), fallback, memory=kept)
     return strategy
+
+
+def _draw_waypoint(ctx: Context, state: State, options: Sequence[int]) -> int:
+    """Draw a node; if the agent cannot reach it, draw one of those that it can reach, if there are any."""
+    here = state["curr_pos"]
+    graph = graph_for(ctx, state)
+    weight = weight_for(ctx, state)
+    drawn = options[drawn_below(state, len(options), "random_waypoints")]
+    is_near = not goes_far(ctx, state) and drawn in legal_on_map(ctx, state)
+    if is_near or graph.distance(here, drawn, weight) < inf:
+        return drawn
+    near = graph.distances(source=here, weight=weight)
+    within = [node for node in options if node in near]
+    return within[drawn_below(state, len(within), "random_waypoints")] if within else drawn
 
 
 # -- combinations -------------------------------------------------------------------------------------------------

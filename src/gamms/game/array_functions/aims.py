@@ -26,6 +26,7 @@ def step_towards(
     legal: Sequence[int],
     target: int,
     *,
+    weight: str | None = "length",
     has_speed: bool,
     ends: Iterable[int] = (),
     is_allowed: Callable[[int], bool] | None = None,
@@ -37,6 +38,7 @@ def step_towards(
         here: the id of the agent's node.
         legal: the ids of its legal nodes.
         target: a node id.
+        weight: the edge weight by which the agent chooses paths in games by metres.
         has_speed: whether the agent may move along several edges, or part of one, in a turn.
         ends: in games by metres, the nodes from which an agent with a speed can go on: its own, or the ends of its
             edge.
@@ -50,7 +52,8 @@ def step_towards(
         BadType: `legal` has values other than node ids.
     """
     if ends and is_allowed is None:
-        return target if any(isfinite(graph.distance(end, target)) for end in ends) else None
+        is_near = target in legal
+        return target if is_near or any(isfinite(graph.distance(end, target, weight)) for end in ends) else None
     if target in legal and (is_allowed is None or is_allowed(target)):
         return target
     try:
@@ -111,7 +114,10 @@ class Aims:
                 ends = [here, *ids(after if edges[place] >= 0 else after[:0]).tolist()]
             legal = ids(rows[place][are_legal[place]]).tolist()
             graph = self._graphs[modes[place]]
-            step = step_towards(graph, here, legal, target, has_speed=has_speed, ends=ends, is_allowed=is_allowed)
+            options: Any = {"has_speed": has_speed, "ends": ends, "is_allowed": is_allowed}
+            if movement.by_metres:
+                options["weight"] = movement.terms.weight
+            step = step_towards(graph, here, legal, target, **options)
             if step is not None:
                 found[place] = self._number_of(step, legal)
         return found
