@@ -1,6 +1,7 @@
 """Scenarios as environments of PettingZoo and Gymnasium."""
 
 import warnings
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -18,8 +19,9 @@ with warnings.catch_warnings():
     from pettingzoo.utils.conversions import parallel_to_aec
 
 import gamms
-from gamms import rl
+from gamms import recorder, rl
 from gamms.errors import BadType, BadValue, NoDisplay, UnknownName
+from gamms.rl.learners import Learners
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -429,3 +431,80 @@ def test_strategies_for_agents_that_learn_are_refused():
         rl.parallel_env(hunt(), others={"blue": gamms.strategies.stay})
     mates = {"red": gamms.strategies.stay, "red_1": gamms.strategies.stay}
     rl.single_agent_env(hunt(), agent="red_0", others=mates).close()
+
+
+# -- actions that are numbers of edges ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ferries(tmp_path_factory):
+    """A scenario in a town with two edges from each node to the next, of which a rule notes those that red takes."""
+    folder = tmp_path_factory.mktemp("ferries")
+    with gamms.create_context(seed=1) as ctx:
+        for node in range(3):
+            ctx.graph.add_node({"id": node, "x": 50.0 * node, "y": 0.0})
+        for edge, (source, target, length) in enumerate([(0, 1, 50), (0, 1, 60), (1, 2, 50), (1, 2, 70), (1, 0, 50)]):
+            ctx.graph.add_edge({"id": 10 + edge, "source": source, "target": target, "length": float(length)})
+        ctx.graph.save(folder / "town.gamms")
+    teams = {
+        "red": {"agents": [{"name": "ann", "node": 0}, {"name": "amy", "node": 1}]},
+        "blue": {"agents": [{"name": "ben", "node": 2}], "strategy": "gamms.strategies:random_walk"},
+    }
+    rules = [{"rule": "time_limit", "with": {"turns": 4}}]
+    return Scenario(map={"file": "town.gamms"}, teams=teams, rules=rules, folder=folder)
+
+
+def edges_taken(games, number, folder):
+    """Return the edges that agents of a game have named, by turn and agent, from its recording."""
+    games.record(number, folder / f"{number}.ggr")
+    with recorder.open(folder / f"{number}.ggr") as recording:
+        table = recording.table("edges")
+    return [*zip(*(table[name].tolist() for name in ("turn", "agent", "edge")), strict=True)]
+
+
+def test_actions_take_edges_in_many_games_as_in_one(ferries, tmp_path):
+    given = [[[1, 2], [3, 0]], [[0, 1], [2, 1]], [[4, 0], [2, 9]]]  # amy, ann
+    options = {"teams": "red", "reward": lambda turn: turn.after.mask * 1.0, "moves": "edges"}
+    with Learners(ferries, 2, seed=5, **options) as many:
+        many.begin_all()
+        assert many.num_actions == 4
+        assert many.masks.sum(axis=-1).tolist() == [[4, 3], [4, 3]]
+        for actions in given:
+            many.step(np.array(actions))
+        found = [edges_taken(many.games, number, tmp_path) for number in range(2)]
+    for number in range(2):
+        with Learners(ferries, seed=5 + number, **options) as one:
+            one.begin_all()
+            for actions in given:
+                one.step(np.array(actions)[number : number + 1])
+            assert edges_taken(one.games, 0, tmp_path) == found[number]
+    assert found[0][0] == (1, "amy", 12)
+    assert {edge for edges in found for *_, edge in edges} >= {10, 12}
+
+
+def test_the_only_learner_takes_the_edges_of_its_actions(ferries, tmp_path):
+    options = {"reward": lambda turn: turn.after.mask * 1.0, "moves": "edges"}
+    with rl.single_agent_env(ferries, agent="ann", seed=3, **options) as env:
+        observation, _ = env.reset()
+        assert env.action_space.n == 4
+        assert observation["action_mask"].tolist() == [1, 1, 1, 0]
+        *_, info = env.step(2)
+        assert info["is_legal"]
+        *_, info = env.step(0)
+        *_, info = env.step(2)
+        assert edges_taken(env.learners.games, 0, tmp_path) == [(1, "ann", 11), (3, "ann", 13)]
+        observation, _ = env.reset()
+        assert observation["action_mask"].tolist() == [1, 1, 1, 0]
+
+
+def test_environments_of_edges_begin_games_again_and_have_no_policies_yet(ferries, tmp_path):
+    options = {"reward": lambda turn: turn.after.mask * 1.0, "moves": "edges"}
+    with closing(rl.vector_env(ferries, num_games=2, team="red", **options)) as env:
+        env.reset(seed=1)
+        for _ in range(6):
+            _, rewards, *_ = env.step(np.array([1, 2, 2, 1]))
+            assert rewards.tolist() == [1.0] * 4
+        with pytest.raises(BadValue, match="moves='edges'"):
+            rl.save_policy(lambda *_: None, tmp_path / "policy.onnx", env)
+    with pytest.raises(BadValue, match="moves"):
+        rl.parallel_env(ferries, moves="roads")

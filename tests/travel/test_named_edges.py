@@ -469,6 +469,20 @@ def test_actions_from_outside_name_edges(town, game, options):
     assert set(legs) <= set(taken)
 
 
+def test_games_go_on_by_their_own_strategies_after_edges_were_given(town):
+    build(town, strategy=gamms.strategies.random_walk)
+    town.game.add(tell_edges)
+    stepped, run = [], []
+    for play, found in ((lambda games: [games.step() for _ in range(3)], stepped), (lambda games: games.run(3), run)):
+        with town.game.batch(2, seed=1) as games:
+            games.step({"red": {"edges": [[12], [-1]]}})
+            play(games)
+            assert games.turn.tolist() == [4, 4]
+            found += [games.result(i).events for i in range(2)]
+    assert stepped == run
+    assert all(run)
+
+
 @pytest.mark.parametrize("on_illegal", ["raise", "stay"])
 def test_actions_from_outside_that_name_an_illegal_edge_are_refused_or_the_agent_stays(town, on_illegal):
     build(town, strategy=gamms.strategies.stay, mode="taxi")

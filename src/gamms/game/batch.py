@@ -327,7 +327,7 @@ class Batch(Surface, Immutable, NotPickled):
         with self._playing():
             is_played = False
             while not is_played:  # Ctrl-C may do something else than to raise an error
-                if self._engine.plays_moves(given):
+                if plays_at_once(self, given):
                     is_played = self._try_play(1, threads, given, is_logged=is_logged, writer=writer)
                 else:
                     is_played = self._try_step(given, threads, is_logged=is_logged)
@@ -1176,7 +1176,7 @@ def step_with(
 
 def plays_at_once(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:
     """Return whether the core plays a whole turn with these actions in one call."""
-    return games._engine.plays_moves(given)
+    return not games._separate and games._engine.plays_moves(given)
 
 
 def begins_at_once(games: Batch) -> bool:

@@ -9,7 +9,7 @@ from gamms.arguments import as_count, names_keywords
 from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
 from gamms.plugins import needing
-from gamms.rl.learners import Learners, Observation, Reward
+from gamms.rl.learners import Learners, Moves, Observation, Reward
 from gamms.scenario import Scenario, from_gallery
 from gamms.workers import refuse_in_worker
 
@@ -37,6 +37,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
     maps: Sequence[Any] | Mapping[str, Any] | None = None,
+    moves: Moves = "nodes",
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
@@ -61,6 +62,8 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
             `move * deeds + deed`, with at most 4,096 values.
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
         maps: several maps instead of that of the scenario; the seed of each game draws one; see `Scenario.batch`.
+        moves: "nodes": as above; "edges": action k takes the k-th edge of `state["legal_edges"]`, from 1, and 0 is
+            action 0 of "nodes". Games in which agents take edges are played in contexts of their own, which is slower.
 
     Raises:
         UnknownName (KeyError): the team does not exist.
@@ -78,6 +81,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         "seed": seed,
         "most_agents": most_agents,
         "maps": maps,
+        "moves": moves,
     }
     learners = Learners(scenario, teams=team, vis_engine=window, **games)
     with _closing_after_error(learners):
@@ -100,6 +104,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
     actions: "ActionForm" = "pair",
     render_mode: "RenderMode" = None,
     maps: Sequence[Any] | Mapping[str, Any] | None = None,
+    moves: Moves = "nodes",
 ) -> "AgentEnv":
     """Return a scenario as a `gymnasium.Env`, in which one agent learns.
 
@@ -114,6 +119,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
         actions: see `parallel_env`.
         render_mode: see `parallel_env`.
         maps: see `parallel_env`.
+        moves: see `parallel_env`.
 
     Raises:
         UnknownName (KeyError): the agent does not exist.
@@ -131,6 +137,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
         "reward": reward,
         "seed": seed,
         "maps": maps,
+        "moves": moves,
     }
     learners = Learners(scenario, vis_engine=window, **games)
     with _closing_after_error(learners):
@@ -160,6 +167,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     workers: int = 1,
     threads: int = 1,
     maps: Sequence[Any] | Mapping[str, Any] | None = None,
+    moves: Moves = "nodes",
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
@@ -190,6 +198,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
             (docs/batches.md). The games do not depend on it.
         maps: several maps instead of that of the scenario; the seed of each game draws one; see `Scenario.batch`.
             `observation` and `reward` are called for the games of each map.
+        moves: see `parallel_env`.
 
     Raises:
         UnknownName (KeyError): the team does not exist.
@@ -216,6 +225,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         "most_agents": most_agents,
         "threads": as_count(threads, "threads"),
         "maps": maps,
+        "moves": moves,
     }
     options: dict[str, Any] = {"team": team, **games, "mask": mask, "actions": actions, "autoreset_mode": mode}
     counts: dict[str, Any] = {"num_games": num_games, "seed": seed, "workers": workers}
@@ -277,6 +287,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
     most_agents: MostAgents | None = None,
     threads: int = 1,
     maps: Sequence[Any] | Mapping[str, Any] | None = None,
+    moves: Moves = "nodes",
 ) -> "TensorEnv":
     """Return many games of a scenario as an `EnvBase` of TorchRL.
 
@@ -295,6 +306,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
         most_agents: see `parallel_env`.
         threads: see `vector_env`.
         maps: see `vector_env`.
+        moves: see `parallel_env`.
 
     Raises:
         UnknownName (KeyError): the team does not exist.
@@ -316,6 +328,7 @@ def torchrl_env(  # noqa: PLR0913 - what environments are given
             most_agents=most_agents,
             threads=threads,
             maps=maps,
+            moves=moves,
         )
     )
 

@@ -7,17 +7,18 @@ from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
-from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
+from gamms.arguments import as_choice, as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import (
     ArrayView,
     LearnerWriter,
     lasting_in,
+    movement_in,
     set_width,
     vectors_in,
     width_in,
@@ -56,6 +57,8 @@ ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 Seeds = int | Sequence[int | None] | None  # of games: one seed for all, or one for each
 
 _MOST_OTHERS = 8
+_MOST_ACTIONS = 4096
+_EDGES_AROUND = 2  # that an agent on an edge may name: this one, and the one back
 _STARTS_AHEAD = 2  # starts of each game that are drawn
 _OFTEN = 4  # they are drawn again when as many games as one in this many have begun
 _GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
@@ -63,6 +66,8 @@ _GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
 
 Begins = Literal["ended", "waiting"] | None  # which games a step begins again
 
+Moves = Literal["nodes", "edges"]
+"""What the numbers of actions stand for: legal nodes, or legal edges."""
 Observation = Callable[[ArrayView], Any]
 """Maps a view of a team's agents to numbers, (games, agents, …).
 
@@ -117,6 +122,8 @@ class Learners:
         threads: the number of threads for games that the core supports completely; other games use one.
         maps: several maps instead of that of the scenario, or name -> map; see `Scenario.batch`. Observation and reward
             functions are called for the games of each map.
+        moves: "nodes": action k goes to the k-th legal node; "edges": it takes the k-th of the legal edges, from 1, and
+            action 0 is that of "nodes". Games in which agents take edges are played in contexts of their own.
 
     Attributes:
         games: the batch.
@@ -124,6 +131,7 @@ class Learners:
         teams: the learning teams.
         names: the names of the agents, team by team, sorted within a team.
         num_actions: the largest number of actions; action 0 stays.
+        by_edges: whether actions are numbers of legal edges.
         deeds: the deed choices of agents; None: the scenario declares no deeds.
         flies: (agents,) whether agents fly.
         any_fly, all_fly: whether some of them, or all, fly.
@@ -160,12 +168,14 @@ class Learners:
         most_agents: MostAgents | None = None,
         threads: int = 1,
         maps: Sequence[Any] | Mapping[str, Any] | None = None,
+        moves: Moves = "nodes",
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
         for name, function, given in (("observation", observation, "a view"), ("reward", reward, "a turn")):
             if function is not None:
                 as_function_of(function, name, given)
+        self.by_edges = as_choice(moves, "moves", get_args(Moves)) == "edges"
         self.scenario = scenario
         self.observation = observation or default_observation
         self._reward = reward
@@ -221,7 +231,7 @@ class Learners:
         self.num_actions = self._most_actions()
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
-            self._scripted.begin(self.games, self.deeds)
+            self._scripted.begin(self.games, self.deeds, by_edges=self.by_edges)
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
@@ -295,7 +305,7 @@ class Learners:
         most = max(map(width_in, views))
         for view in views:
             set_width(view, most)
-        return most
+        return max(map(count_edge_actions, views)) if self.by_edges else most
 
     def close(self) -> None:
         """Close the games."""
@@ -370,7 +380,7 @@ class Learners:
         self._refuse_closed()
         turn = self._turn
         turn.moves[:] = self._numbers_of(actions)
-        given = self._given
+        given = self._with_edges(self._given, turn.moves) if self.by_edges else self._given
         heads = [turn.moves]
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
@@ -635,7 +645,7 @@ class Learners:
         self._is_written = False  # whether the writer has written the current turn
         self._has_vectors = self.observation is default_observation and not lasting_in(self._views(0)[0])
         self._roster = self.games.roster
-        if self.games.is_in_arrays:
+        if self.games.is_in_arrays and not self.by_edges:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
             others = min(_num_public(views[0]) - 1, _MOST_OTHERS) if self._has_vectors else None
             members = np.concatenate([view.agents for view in self._views(0)])
@@ -670,7 +680,11 @@ class Learners:
         if self._can_come:
             there = [_in_order([view.is_there[:, view.agents] for view in views], views) for views in self._now]
             self.is_there = joined(there)
-        turn.counts[:] = joined([_in_order([view.counts for view in views], views) for views in self._now])
+        if self.by_edges:
+            self._edges = self._legal_edges()
+            turn.counts[:] = 1 + (self._edges >= 0).sum(axis=-1)
+        else:
+            turn.counts[:] = joined([_in_order([view.counts for view in views], views) for views in self._now])
         self._masks = np.empty((*self._shape, self.num_actions), np.bool_)
         turn.write_masks(self._masks)
 
@@ -708,6 +722,26 @@ class Learners:
         return {
             team: OutsideActions(moves[:, columns], {}, {}, **options)
             for team, columns in zip(self.teams, self._columns, strict=True)
+        }
+
+    def _legal_edges(self) -> IntArray:
+        """Return the ids of the edges of each action but the first, (games, agents, actions - 1); -1: none."""
+        found = np.full((*self._shape, self.num_actions - 1), -1)
+        for views, columns in zip(self._now, self._columns, strict=True):
+            for view in views:
+                edges = view["legal_edges"][..., : found.shape[-1]]
+                found[view.games, columns, : edges.shape[-1]] = edges
+        return found
+
+    def _with_edges(self, given: dict[Hashable, OutsideActions], moves: IntArray) -> dict[Hashable, OutsideActions]:
+        """Return actions with the edges of legal moves, (games, agents), in place of the moves."""
+        takes_edge = (moves > 0) & (moves < self._turn.counts) & self._turn.alive
+        numbers = np.where(takes_edge, moves - 1, 0)[..., None]
+        edges = np.where(takes_edge, np.take_along_axis(self._edges, numbers, axis=-1)[..., 0], -1)
+        stays = np.zeros_like(moves)
+        return {
+            team: one._replace(moves=stays[:, columns], edges=edges[:, columns])
+            for (team, one), columns in zip(given.items(), self._columns, strict=True)
         }
 
     def _with_deeds(self, given: dict[Hashable, OutsideActions], done: IntArray) -> dict[Hashable, OutsideActions]:
@@ -760,6 +794,22 @@ class Learners:
                 f"reward must give finite numbers, not {rewards[game, agent]} for agent {self.names[agent]!r} in game "
                 f"{game}."
             )
+
+
+def count_edge_actions(view: ArrayView) -> int:
+    """Return the number of actions that take edges on the map of a view, with that to stay.
+
+    Raises:
+        BadValue: there are more than 4096.
+    """
+    movement = movement_in(view)
+    columns = movement.whole.columns
+    leaves = columns.sources != columns.targets
+    most = int(np.bincount(columns.sources[leaves], minlength=1).max())
+    most = 1 + max(most, _EDGES_AROUND if movement.by_metres else 0)
+    if most > _MOST_ACTIONS:
+        raise BadValue(f"An agent may take {most - 1} edges from a node, and {_MOST_ACTIONS} actions are the most.")
+    return most
 
 
 def joined(columns: Sequence[Any]) -> Any:

@@ -683,6 +683,10 @@ def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
 def _describe(learners: Learners) -> PolicyDescription:
     """Return the description of a policy trained by these learners."""
     refuse_mixed(learners, range(len(learners.names)), "a policy")
+    if learners.by_edges:
+        raise BadValue(
+            "A policy moves to nodes, and these learners have moves='edges', which policies do not have yet."
+        )
     shape = list(np.asarray(learners.observe()).shape[2:])
     function = learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"

@@ -227,10 +227,12 @@ class ScriptedActions:
     def __init__(self) -> None:
         self._games: Batch | None = None
         self._choices: DeedChoices | None = None
+        self._by_edges = False
         self._taken = np.zeros((0, 0, 5))  # (turns, games, 5) move, deed and flight
 
-    def begin(self, games: Batch, choices: DeedChoices | None) -> None:
-        """Use the strategy in the games of a batch."""
+    def begin(self, games: Batch, choices: DeedChoices | None, *, by_edges: bool) -> None:
+        """Use the strategy in the games of a batch; `by_edges`: moves are numbers of legal edges, from 1."""
+        self._by_edges = by_edges
         self._games = games
         self._choices = choices
         self._taken = np.zeros((16, len(games), 5))
@@ -254,7 +256,11 @@ class ScriptedActions:
         if "quat" in state:
             state["action"] = flown(flight, agent.speed, done)
             return
-        node = legal[int(move) if move < len(legal) else 0]
+        if self._by_edges and 0 < move <= len(state["legal_edges"]):
+            edge = {"edge": state["legal_edges"][int(move) - 1]}
+            state["action"] = {**edge, "do": done} if done else edge
+            return
+        node = legal[int(move) if move < len(legal) and not self._by_edges else 0]
         state["action"] = {"node_id": node, "do": done} if done else node
 
     @property
