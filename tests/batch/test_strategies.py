@@ -136,3 +136,22 @@ def test_a_strategy_that_is_called_with_a_plain_dict_decides_as_in_a_batch(red, 
         for name, agent in ctx.agent.agents.items():
             assert agent.current_node_id == played.agent.get_agent(name).current_node_id
             assert dict(ctx.game.memories.get(name, {})) == dict(played.game.memories.get(name, {}))
+
+
+@pytest.mark.parametrize("game", [{}, {"speed_unit": "metres"}, {"order": [["blue"], ["red"]]}])
+def test_plans_of_arrays_decide_in_a_batch_as_alone(game):
+    def plan(team):
+        return team.choose(team.draw.below(team.counts))
+
+    with gamms.create_context(seed=1, game=game) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for number, team in enumerate(["red", "red", "blue"]):
+            ctx.agent.create_agent(f"a{number}", start_node_id=number, team=team, strategy=random_walk)
+        ctx.game.command("red", plan, arrays=True)
+        with ctx.game.batch(3) as games:
+            games.run(5)
+            found = [games.result(number) for number in range(3)]
+        for number in range(3):
+            ctx.game.reset(seed=number)
+            assert ctx.game.run(5) == found[number]
+        assert {found[number].agents["a0"]["node"] for number in range(3)} != {0}

@@ -411,7 +411,7 @@ class Cursor:
     def find_asked(self) -> AskedAgents | None:
         """Return the agents that are asked in the current game; None: there are none."""
         asked = self._find_asked()
-        return asked if asked.part.observing else None
+        return asked if asked.part.observing or asked.part.commanded else None
 
     def _find_living(self, asked: bytes, observing: bytes) -> AskedAgents:
         """Return the agents that are asked between two turns, given the numbers of these and of others that observe."""
