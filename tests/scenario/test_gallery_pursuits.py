@@ -10,19 +10,83 @@ import pytest
 from gamms import belief, recorder, scenario
 from gamms.rules import idleness_table
 
+SHOWN = (3, 8, 13, 18, 24)
+START = {"taxi": (10, 4), "bus": (8, 3), "underground": (4, 3), "black": (0, 5)}
 
-def test_mr_x_shows_himself_after_five_turns_and_is_always_where_the_detectives_think_possible():
-    with scenario.from_gallery("scotland_yard").build() as ctx:
-        mr_x = ctx.agent.get_agent("mr_x")
-        known = []
+
+class Board:
+    """Follows a game of Scotland Yard by the lines that agents took, with its own board and its own tickets."""
+
+    def __init__(self, ctx):
+        lines = nx.MultiDiGraph(ctx.graph.to_networkx()).edges(data=True)
+        self.lines = {data["id"]: (source, target, data["ticket"]) for source, target, data in lines}
+        self.at = {name: agent.current_node_id for name, agent in ctx.agent.agents.items()}
+        self.left = {(name, kind): few[name == "mr_x"] for name in self.at for kind, few in START.items()}
+        self.possible, self.tickets, self.winner, self.is_caught = set(), [], None, False
+
+    def go(self, turn, taken):
+        """Follow a turn, given the line that each agent took, and where: name -> edge."""
+        detectives = [name for name in self.at if name != "mr_x"]
+        used = {}
+        for name in [*detectives, "mr_x"]:
+            if name in taken:
+                source, target, used[name] = self.lines[taken[name]]
+                assert self.at[name] == source
+                self.at[name] = target
+                self.left[name, used[name]] -= 1
+                if name != "mr_x":
+                    self.left["mr_x", used[name]] += 1
+            if name == detectives[-1]:
+                assert len({self.at[one] for one in detectives}) == len(detectives)
+                self.is_caught = self.at["mr_x"] in {self.at[one] for one in detectives}
+        assert min(self.left.values()) >= 0
+        police = {self.at[name] for name in detectives}
+        self.possible -= police
+        if "mr_x" in used:
+            ways = self.lines.values()
+            self.possible = {b for a, b, kind in ways if kind == used["mr_x"] and a in self.possible} - police
+        self.tickets.append(used.get("mr_x"))
+        if turn in SHOWN:
+            self.possible = {self.at["mr_x"]}
+        if self.is_caught or self.at["mr_x"] in police or turn == 24:
+            self.winner = (
+                "mr_x" if turn == 24 and self.at["mr_x"] not in police and not self.is_caught else "detectives"
+            )
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_independent_referee_finds_the_tickets_the_stations_of_mr_x_and_the_winner(seed):
+    with scenario.from_gallery("scotland_yard").build(seed) as ctx:
+        board = Board(ctx)
+        edges = sorted(board.lines)
         while not ctx.game.is_over:
+            assert board.winner is None
             ctx.game.step()
-            possible = ctx.game.facts["possible"]
-            assert mr_x.current_node_id in possible or ctx.game.turn < 3 or not mr_x.alive
-            if len(possible) == 1:
-                known.append(ctx.game.turn)
-        shown = [event["turn"] for event in ctx.game.result().events if event["kind"] == "shown"]
-    assert shown == known == [3, 8, 13, 18, 24]
+            taken = [(visit.agent, visit.edge) for visit in ctx.game.visits(nodes=[], edges=edges)]
+            assert len(dict(taken)) == len(taken), "one line in a turn"
+            board.go(ctx.game.turn, dict(taken))
+            if board.is_caught:  # before he could move
+                break
+            assert {name: agent.current_node_id for name, agent in ctx.agent.agents.items()} == board.at
+            assert ctx.game.facts["tickets"] == tuple(board.tickets)
+            assert ctx.game.facts["possible"] == tuple(sorted(board.possible))
+            assert board.at["mr_x"] in board.possible or ctx.game.turn < 3 or board.winner
+            for (name, kind), left in board.left.items():
+                known = ctx.game.facts_of(ctx.agent.get_agent(name))
+                assert known.get(f"mr_x_{kind}" if name == "mr_x" else kind, 0) == left
+        assert ctx.game.is_over
+        result = ctx.game.result()
+    assert (result.winner, result.errors) == (board.winner, [])
+    shown = [(one["turn"], one["kind"]) for one in result.events if one["kind"] == "shown"]
+    assert shown == [(turn, "shown") for turn in SHOWN if turn <= result.turns]
+    assert len({*board.tickets}) > 1
+
+
+def test_scotland_yard_in_a_batch_is_the_game_alone():
+    game = scenario.from_gallery("scotland_yard").replace(max_turns=8)
+    with game.batch(2, seed=5) as games:
+        games.run(warn=False)
+        assert all(games.result(number) == game.play(seed=5 + number) for number in range(2))
 
 
 @pytest.mark.parametrize(("place", "winner"), [((110, 140), "intruder"), ((20, 20), "guards")])
