@@ -323,6 +323,69 @@ def test_array_functions_go_on_with_what_they_keep_in_a_game_that_leaves(phase):
             assert_as_alone(games, alone)
 
 
+OF_SEED = """
+import gamms
+import numpy as np
+
+def draw(ctx):
+    return int(ctx.stream("lot").integers(9))
+
+class Prepared:
+    def prepare(self, ctx):
+        ctx.game.data["lot"] = int(ctx.stream("lot").integers(9))
+
+    def __call__(self, ctx):
+        ctx.game.data["lot"] += ctx.game.facts["lot"] + ctx.game.agents[0].meta["luck"]
+        ctx.game.scores["lot"] += ctx.game.data["lot"]
+
+def make_rule():
+    return Prepared()
+
+@gamms.array_rule
+def pay(turn):
+    kept = turn.keep("paid", lambda games: {"turns": np.zeros(games, np.int64)})["turns"]
+    kept[turn.games] += 1
+    turn.add_score("paid", turn.games * 0, float(turn.facts["lot"]) * kept[turn.games])
+
+def hear(ctx):
+    level = draw(ctx)
+    return lambda node: node + level
+
+class Planned:
+    def prepare(self, ctx):
+        self.number = ctx.seed + sum(agent.current_node_id for agent in ctx.agent.create_iter())
+
+    def __call__(self, state):
+        number = state["memory"]["sum"] = state["memory"].get("sum", self.number) + state["sensor"]["ear"][1]
+        state["action"] = state["legal"][number % len(state["legal"])]
+
+planned = Planned()
+
+def slow_down(ctx):
+    ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+    if ctx.game.turn == 3 and ctx.seed % 2:
+        ctx.agent.get_agent("blue_0").speed = 2
+"""
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_a_game_takes_along_what_it_has_by_its_seed(phase, tmp_path, caplog):
+    (tmp_path / "by_seed.py").write_text(OF_SEED)
+    meta = {"luck": {"function": "by_seed:draw"}}
+    team = {"count": 2, "sensors": ["ear"], "meta": meta, "strategy": "by_seed:planned"}
+    rules = [{"rule": f"by_seed:{name}"} for name in ("make_rule", "pay")]
+    rules += [{"rule": "by_seed:slow_down", "phase": phase}]
+    facts = {"lot": {"function": "by_seed:draw"}}
+    sensors = {"ear": {"function": "by_seed:hear"}}
+    made = scene(rules, teams={"red": team, "blue": team}, facts=facts, sensors=sensors, folder=tmp_path)
+    with made.batch(4, seed=1) as games:
+        games.run()
+        assert [*games.detached] == [0, 2]
+        assert len({*caplog.messages}) == len(caplog.messages) == 4 * 12
+        for number, seed in enumerate(games.seeds):
+            assert plain(games.result(number)) == plain(made.play(seed=seed))
+
+
 def test_strategies_made_for_each_seed_decide_in_games_that_leave(tmp_path):
     code = """
 def slow_down(ctx):

@@ -36,7 +36,6 @@ class CalledFunctions(NamedTuple):
     Attributes:
         functions: the functions.
         own_functions: those that differ between games.
-        has_own_sensors: whether those of sensors are among them.
         periods: the periods of the collectors, in turns.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the names of these agents, and of those whose sensors are called in each turn.
@@ -48,7 +47,6 @@ class CalledFunctions(NamedTuple):
 
     functions: Sequence[Callable[..., object]]
     own_functions: Sequence[FunctionPerGame]
-    has_own_sensors: bool
     periods: frozenset[int]
     asked: frozenset[int]
     observing: frozenset[str]
@@ -87,7 +85,6 @@ class CalledFunctions(NamedTuple):
         return cls(
             functions=[*map(some_function, rules), *map(some_function, deciders), *(one.fn for one in collectors)],
             own_functions=[one for one in every if isinstance(one, FunctionPerGame)],
-            has_own_sensors=any(isinstance(one, FunctionPerGame) for one in of_sensors),
             periods=frozenset(one.every for one in collectors),
             asked=frozenset(asked),
             observing=frozenset(roster.names[number] for number in (*asked, *observing)),

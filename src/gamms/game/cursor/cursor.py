@@ -140,9 +140,8 @@ class Cursor:
         number = self._pointed.number
         keeps_rows = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
         can_keep = keeps_rows or not called.has_array_functions  # whose arrays have a row for each agent
-        differs = self._pointed.begin_otherwise or called.has_own_sensors
         has_counted = self._shown.part is not None and not self._shown.cached.are_plain  # looks of this turn
-        return can_keep and not (differs or called.first.has_begun_turn or has_counted)
+        return can_keep and not (called.first.has_begun_turn or has_counted)
 
     @property
     def _can_leave_in_turn(self) -> bool:

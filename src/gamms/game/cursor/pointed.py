@@ -495,11 +495,6 @@ class PointedContext:
         self._note_map(None)
 
     @property
-    def begin_otherwise(self) -> bool:
-        """Whether games begin with other values than the game of the context."""
-        return len(self._first_values) > 0
-
-    @property
     def at_rest(self) -> Snapshot:
         """The game of the context as it was before it was pointed at games."""
         assert self._before is not None  # noqa: S101 - it is held
