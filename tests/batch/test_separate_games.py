@@ -195,9 +195,59 @@ def test_functions_read_the_data_of_rules_after_another_game_has_left(phase):
             assert_as_alone(games, alone)
 
 
+def wander(state):
+    state["action"] = state["legal"][(state["draw"].below(5) + int(state["rng"].integers(5))) % len(state["legal"])]
+
+
 def go_by_sight(state):
     ((_, seen),) = state["sensor"].values()
     state["action"] = state["legal"][len(seen) % len(state["legal"])]
+
+
+def look_again(ctx):
+    """Sense, and read what was sensed."""
+    agent = ctx.agent.get_agent("red_0")
+    agent.sensors["near"].sense(agent.current_node_id)
+    ctx.game.emit("looked", seen=sorted(agent.sensors["near"].data))
+
+
+def draw_once(ctx):
+    """Draw from the streams of an agent."""
+    state = ctx.game.observation("blue_0")
+    ctx.game.emit("drawn", number=state["draw"].below(1000) + int(state["rng"].integers(1000)))
+
+
+def show_looks(ctx):
+    """Read what was sensed last, and look once more."""
+    if ctx.game.turn > 3 and ctx.seed % 2:
+        ctx.game.emit("read", seen=sorted(ctx.agent.get_agent("red_0").sensors["near"].data))
+        look_again(ctx)
+        draw_once(ctx)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("act", [look_again, draw_once])
+def test_a_function_that_looks_or_draws_for_agents_is_called_once_where_they_have_not_decided(act, phase, caplog):
+    def rule(ctx):
+        ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+        if ctx.seed % 2 and ctx.game.turn > 2:
+            act(ctx)
+            act(ctx)
+
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
+    team = {"count": 3, "sensors": ["near"]}
+    with scene([TAG], teams={"red": team, "blue": team}, sensors=near, max_turns=6).build(seed=1) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.strategy = go_by_sight if agent.team == "red" else wander
+        ctx.game.add(rule, phase=phase)
+        ctx.game.add(show_looks)
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(3):
+                games.step()
+            games.run()
+            assert phase == "deeds" or len({*caplog.messages}) == len(caplog.messages)
+            assert [*games.detached] == [1, 3]
+            assert_as_alone(games, alone)
 
 
 @pytest.mark.parametrize("phase", ["before", "deeds"])

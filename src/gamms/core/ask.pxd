@@ -84,7 +84,7 @@ cdef class GamesInContext:
     cpdef bint has_changed(self) except -1
     @cython.locals(last=list)
     cpdef bint has_asked(self) except -1
-    @cython.locals(at=Py_ssize_t, begun=i64)
+    @cython.locals(at=Py_ssize_t, begun=i64, has_drawn=bint, has_looked=bint)
     cpdef Py_ssize_t call_each(self, GamePointer games, object function, tuple args) except -1
     @cython.locals(at=Py_ssize_t, wanted=i64[::1], asks_anew=bint, takes_all=bint, is_common=bint)
     cpdef Py_ssize_t ask_agents(self, GamePointer games, object asker, list are_blocked, list places) except -1

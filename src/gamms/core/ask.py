@@ -444,8 +444,12 @@ class GamesInContext:
         """Move the game to a context of its own; the argument says why, in words."""
         raise NotImplementedError
 
-    def forget_asking(self) -> None:
-        """Undo the sensor calls of a function."""
+    def note_looks(self, *, has_drawn: bool) -> None:
+        """Note that a function has called sensors, or has drawn from the streams of agents."""
+        raise NotImplementedError
+
+    def forget_looks(self) -> None:
+        """Forget what agents have sensed."""
         raise NotImplementedError
 
     def own_row(self) -> Any:
@@ -495,6 +499,7 @@ class GamesInContext:
             if self._stop[0]:
                 self._state.notice_interrupt()
             self.show(games, at)
+            self.table.rekey(games.seeds[at])
             begun = self.table.begun
             self.raised = None
             try:
@@ -504,12 +509,15 @@ class GamesInContext:
                     self.raised = error
                     raise
                 finally:
-                    if not self.why and self.has_changed():
-                        self.take()
-                if self.table.begun != begun:
-                    self.leave("draws by the streams of agents")
-                if self.has_asked():
-                    self.forget_asking()
+                    if not self.why:
+                        has_drawn = self.table.begun != begun
+                        has_looked = has_drawn or self.has_asked()
+                        if has_looked:
+                            self.note_looks(has_drawn=has_drawn)
+                        if has_looked or self.has_changed():
+                            self.take()
+                        if has_looked:
+                            self.forget_looks()
             except Exception:
                 if not self.why:
                     raise
@@ -539,7 +547,7 @@ class GamesInContext:
                 self._state.notice_interrupt()
             if self.show(games, at) or asks_anew:
                 asked = asker.find_asked()
-            self.table.rekey(games.seeds[at])  # type: ignore[attr-defined] # it is a `DrawTable`
+            self.table.rekey(games.seeds[at])
             if asked is None:
                 continue
             row = self.own_row() if self.row is None else self.row

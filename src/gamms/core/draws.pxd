@@ -56,8 +56,10 @@ cdef int choose(RandomChoices choices, i64 at, const i64[::1] agents, i64 begin,
 cdef class TurnCounter:
     cdef readonly object clock
     cdef public object before_draws
+    cdef readonly object seed
     cdef readonly i64 turn, begun, seeds
 
+    cpdef int rekey(self, object seed) except -1
     @cython.locals(turn=i64)
     cdef i64 _catch_up(self) except? -1
 

@@ -276,17 +276,19 @@ class TurnCounter:
 
     Args:
         clock: an object with the attribute `turn`.
+        seed: the seed of the game.
 
     Attributes:
-        clock: the clock.
+        clock, seed: see the arguments.
         turn: the last turn with a draw.
         begun: the number of turns begun, under any seed; streams restart when it changes.
         seeds: the number of changes of the seed.
         before_draws: called before the first draw in a turn; None: nothing is.
     """
 
-    def __init__(self, clock: Any) -> None:
+    def __init__(self, clock: Any, seed: Any) -> None:
         self.clock = clock
+        self.seed = seed
         self.before_draws: Any = None
         self.turn = -1
         self.begun = 0
@@ -305,10 +307,12 @@ class TurnCounter:
             self.begun += 1
         return self.begun
 
-    def restart(self) -> None:
-        """Make streams follow a changed seed from now on, in this turn, too."""
+    def rekey(self, seed: Any) -> int:
+        """Use another seed for all draws from now on, in this turn, too."""
+        self.seed = seed
         self.seeds += 1
         self.turn = -1
+        return 0
 
     def begin_again(self) -> None:
         """Restart all streams of the current turn, as if nothing had been drawn in it."""

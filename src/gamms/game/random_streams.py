@@ -37,25 +37,16 @@ class DrawTable(TurnCounter):
     Args:
         seed: the seed of the game.
         clock: an object with the attribute `turn`: the state of the game, or the turn of a copy.
-
-    Attributes:
-        seed: the seed.
     """
 
-    __slots__ = ("seed",)
+    __slots__ = ()
 
     def __init__(self, seed: int, clock: GameState | _FixedTurn) -> None:
-        super().__init__(clock)
-        self.seed = seed
+        super().__init__(clock, seed)
 
     def first_key(self, name: str) -> int:
         """Return the key of the draws of an agent; see `kernels.first_key`."""
         return kernels.first_key(kernels.purpose_key(self.seed, "agent"), kernels.name_key(name))
-
-    def rekey(self, seed: int) -> None:
-        """Use another seed for all draws from now on."""
-        self.seed = seed
-        self.restart()
 
 
 class _CopiedTable(DrawTable):

@@ -641,6 +641,7 @@ class BegunPhase(NamedTuple):
         order: the order of play in this turn; None: all agents move at once.
         raised: what the last of them has raised; None: nothing.
         collects: whether the collectors of the turn are still to be called.
+        sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
     """
 
     phase: str
@@ -649,6 +650,7 @@ class BegunPhase(NamedTuple):
     order: Sequence[Sequence[Any]] | None = None
     raised: BaseException | None = None
     collects: bool = True
+    sensed: frozenset[tuple[str, str]] = frozenset()
 
     @classmethod
     def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None) -> "BegunPhase":

@@ -18,6 +18,7 @@ from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import GameArrays
+from gamms.game.cursor.shown import lasts_of
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
@@ -43,16 +44,17 @@ class LooksBefore:
         self._begin = begin
         self._values: dict[tuple[str, str], list[Any]] = {}
         self._unread = dict[str, Any]()  # stands for a value that is not made
-        self._lasts = _lasts_of(game)
-        for last in self._lasts.values():
-            last[0] = self._unread
+        self._lasts = lasts_of(game.ctx)
+        begun = game.internals.parts.turns.begun
+        for key in self._lasts.keys() - (() if begun is None else begun.sensed):
+            self._lasts[key][0] = self._unread
 
     def __call__(self) -> None:
         """Make all values that are not made."""
         unread = [key for key, last in self._lasts.items() if last[0] is self._unread]
         if unread and not self._values:
             alone = self._begin()
-            self._values = {key: [*last] for key, last in _lasts_of(alone).items()}
+            self._values = {key: [*last] for key, last in lasts_of(alone.ctx).items()}
             alone.ctx.terminate()
         for key in unread:
             self._lasts[key][:] = self._values.get(key, [{}])
@@ -76,16 +78,6 @@ def _turns_of_looks(game: PlayedGame) -> int:
     """Return the number of turns in which agents have decided, of a game that has left its batch in a turn."""
     begun = game.internals.parts.turns.begun
     return game.turn + (begun is not None and begun.phase == "deeds")
-
-
-def _lasts_of(game: PlayedGame) -> dict[tuple[str, str], list[Any]]:
-    """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
-    found = {}
-    for agent in game.ctx.agent.storage.made():
-        access = game.ctx.agent.storage.turn_access(agent)
-        found[agent.name, ""] = access.last
-        found |= {(agent.name, one): last for one, last, *_ in access.carried if type(last) is list}
-    return found
 
 
 class SeparateGames:

@@ -42,6 +42,7 @@ from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
+from gamms.typing.context import HostContext
 
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
@@ -89,7 +90,8 @@ class _PopulationCaches:
 
     Attributes:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
-        notices: the detection models of sensors that count their looks.
+        notices: the detection models of sensors that count their looks, of agents that observe.
+        counting: each sensor that counts its looks, and its owner.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
         are_plain: whether this holds, and repeated calls in a turn return the same data.
         order_of: returns the order of the agents, by whether all know the same facts.
@@ -97,6 +99,7 @@ class _PopulationCaches:
 
     lasts: list[list[Any]]
     notices: list[Any]
+    counting: list[tuple[Any, str]]
     sees_world_only: bool
     are_plain: bool
     order_of: Callable[[bool], _OrderInGames]
@@ -316,10 +319,10 @@ class ShownGame(GamesInContext):
         """
         begun = self.begun
         assert begun is not None  # noqa: S101 - else it begins again
+        sensed = frozenset(key for key, last in lasts_of(self._ctx).items() if last[0] is not self.looks)
         for last in self.cached.lasts:
-            last[0] = {}
-        for notice in self.cached.notices:
-            notice.reset()  # of the looks of another game in this turn
+            if last[0] is self.looks:
+                last[0] = {}
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         row = self.own_row()
@@ -344,10 +347,11 @@ class ShownGame(GamesInContext):
         for name in self._read["memories"]:
             state.memory_of(name)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
-        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised)
+        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
+        parts.turns.restore(source.snapshot.part("turns"))
         return ctx.game
 
     def _fill_fields(self) -> None:
@@ -426,7 +430,13 @@ class ShownGame(GamesInContext):
         notices = [counting[id(one)] for one in carried if id(one) in counting]
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
-        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, cache(self._new_order))
+        owned = [(one, agent.name) for agent in agents for one in agent.sensors.values() if id(one) in counting]
+        return _PopulationCaches(lasts, notices, owned, sees_world_only, are_plain, cache(self._new_order))
+
+    def forget_counts(self) -> None:
+        """Forget how often sensors have looked in this turn, perhaps in another game."""
+        for sensor, _ in self.cached.counting:
+            sensor.notice.reset()
 
     def forget_looks(self) -> None:
         """Forget what agents have sensed."""
@@ -873,11 +883,13 @@ class ShownGame(GamesInContext):
         if self._called.has_array_functions:
             self._go_alone("publishes facts, which array functions may read")
 
-    def forget_asking(self) -> None:
-        """Undo the sensor calls of a function."""
-        if not self.cached.are_plain:
-            self.leave("asks sensors that err, or of classes of their own")
-        self.forget_looks()
+    def note_looks(self, *, has_drawn: bool) -> None:
+        """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
+        what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
+        if has_drawn or not self.cached.are_plain:
+            if self.part is not None:  # agents have drawn and looked in this turn
+                self.leave(what)
+            self._note_read(what)
 
     def refuse_other_agents(self, what: str) -> None:
         """Let the game leave if a function has changed agents otherwise than by own attributes."""
@@ -889,3 +901,13 @@ class ShownGame(GamesInContext):
         self._core.hold(self._pointed.number, agent)
         if self._state.flights is not None:
             self._state.flights.hold(agent, self._pointed.number)
+
+
+def lasts_of(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
+    """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
+    found = {}
+    for agent in ctx.agent.storage.made():
+        access = ctx.agent.storage.turn_access(agent)
+        found[agent.name, ""] = access.last
+        found |= {(agent.name, one): last for one, last, *_ in access.carried if type(last) is list}
+    return found
