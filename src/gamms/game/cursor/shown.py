@@ -422,7 +422,8 @@ class ShownGame(GamesInContext):
         each = [access(one) for one in agents]
         of_sensors = [last for one in each for _, last, *_ in one.carried]
         lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
-        sensors = [sensor for agent in agents for sensor in agent.sensors.values()]
+        owned = [(sensor, agent.name) for agent in agents for sensor in agent.sensors.values()]
+        sensors = [sensor for sensor, _ in owned]
         observing = (agent for agent in agents if agent.name in self._called.observing)
         carried = [sensor for agent in observing for sensor in agent.sensors.values()]
         looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
@@ -430,7 +431,7 @@ class ShownGame(GamesInContext):
         notices = [counting[id(one)] for one in carried if id(one) in counting]
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
-        owned = [(one, agent.name) for agent in agents for one in agent.sensors.values() if id(one) in counting]
+        owned = [pair for pair in owned if id(pair[0]) in counting]
         return _PopulationCaches(lasts, notices, owned, sees_world_only, are_plain, cache(self._new_order))
 
     def forget_counts(self) -> None:
