@@ -529,3 +529,55 @@ def test_views_take_edges_only_while_a_strategy_decides(town):
     build(town, strategy=gamms.strategies.stay)
     with town.game.batch(2) as games, pytest.raises(BadValue, match="only while a strategy decides"):
         games.observe("red").take_edges([[10], [10]])
+
+
+def wander_by_plan(team):
+    """Take the last legal edge in every second turn, else go to any node."""
+    edges = team.legal_edges.max(axis=-1, initial=-1)
+    nodes = team.choose(team.draw.below(team.counts))
+    return {"nodes": nodes, "edges": edges} if team.turn % 2 == 0 else nodes
+
+
+@pytest.mark.parametrize(("game", "options"), KINDS_OF_GAMES[:-1])
+def test_plans_of_arrays_name_edges_in_a_batch_as_alone(town, game, options):
+    town.game.configure(game)
+    build(town, **options)
+    town.agent.create_agent("amy", start_node_id=1, team="red")
+    town.game.command("red", wander_by_plan, arrays=True)
+    town.game.add(tell_edges)
+    with town.game.batch(3) as games:
+        games.run(4)
+        found = [games.result(i).events for i in range(3)]
+    alone = []
+    for seed in range(3):
+        town.game.reset(seed=seed)
+        result = town.game.run(4)
+        assert not result.errors
+        alone.append(result.events)
+    assert found == alone
+    first = {event["agent"]: event["edge"] for event in alone[0] if event["turn"] == 1}
+    assert first == {"ann": {None: 12, "walk": 11, "taxi": 12}[options.get("mode")], "amy": 14}
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        ({"edges": [0.5]}, "The edges of a plan"),
+        ({"edge": [12]}, "Unknown key of the answer of a plan of arrays 'edge'. Did you mean 'edges'?"),
+        ({"nodes": [1, 2]}, "one node for each agent"),
+    ],
+)
+def test_wrong_answers_of_plans_of_arrays_are_errors(town, answer, message):
+    build(town)
+    town.game.on_error = "stay"
+    town.game.command("red", lambda team: answer, arrays=True)
+    (error,) = town.game.run(1).errors
+    assert message in error["message"]
+
+
+def test_an_illegal_edge_of_a_plan_of_arrays_is_an_illegal_action(town):
+    build(town, mode="taxi")
+    town.game.command("red", lambda team: {"edges": [11]}, arrays=True)
+    (error,) = town.game.run(1).errors
+    assert (error["kind"], error["agent"]) == ("illegal", "ann")
+    assert "Edge 11 is not legal" in error["message"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
+from itertools import chain
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_array, as_known
 from gamms.core.copies import copied
 from gamms.core.turn import Answers
 from gamms.deciding import DecidePhase
@@ -16,7 +18,7 @@ from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import KnownFacts
 from gamms.game.hints import hint_for_strategy
 from gamms.game.movement.legality import IllegalAction, Legality
-from gamms.game.movement.streets import LegalNodes
+from gamms.game.movement.streets import LegalNodes, as_table
 from gamms.game.movement.travel import GamePaths
 from gamms.game.order import PlannedAgents
 from gamms.game.random_streams import ArrayDraws
@@ -61,7 +63,9 @@ class TeamArrays:
         legal: LegalNodes | None,
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
+        list_edges: Callable[[], list[tuple[int, ...]]],
     ) -> None:
+        self._list_edges = list_edges
         self.team: Any = commanded.team  # programs look it up in dicts of their own
         self.turn = turn
         self.names = commanded.deciders.names
@@ -77,6 +81,13 @@ class TeamArrays:
     def nodes(self) -> IntArray:
         """(agents,) the node id of each agent."""
         return locked(self._nodes.astype(np.int64))
+
+    @cached_property
+    def legal_edges(self) -> IntArray:
+        """(agents, most) the ids of the edges that each agent may take, ascending, padded with -1."""
+        each = self._list_edges()
+        at = np.repeat(np.arange(len(each)), [*map(len, each)])
+        return locked(as_table(at, np.array([*chain.from_iterable(each)], np.int64), len(each)))
 
     @property
     def offsets(self) -> IntArray | None:
@@ -154,6 +165,18 @@ class TeamArrays:
             )
         return nodes if nodes is self._chosen else nodes.astype(np.int64, copy=False)
 
+    def checked_edges(self, answer: Mapping[str, Any]) -> IntArray:
+        """Return the edges that a plan has chosen in a dict, (agents,), with -1 for agents that go to nodes.
+
+        Raises:
+            UnknownName (KeyError): the dict has another key than "nodes" and "edges".
+            BadType, BadValue: the edges are not integers, (agents,).
+        """
+        for key in answer:
+            as_known(key, "key of the answer of a plan of arrays", ("nodes", "edges"))
+        shape = self._nodes.shape
+        return as_array(answer.get("edges", np.full(shape, -1)), "The edges of a plan", "integers", shape)
+
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
         """Return which nodes are known to be legal, (agents,)."""
         if self.offsets is None:
@@ -163,9 +186,10 @@ class TeamArrays:
 
 
 ArrayPlan = Callable[[TeamArrays], Any]
-"""Decides for a team in arrays: returns node ids, (agents,).
+"""Decides for a team in arrays: returns node ids, (agents,), or a dict of `"nodes"` and `"edges"`.
 
-Any: anything that NumPy converts to an array, or an awaitable of it.
+Edges are ids, (agents,), of edges that agents take instead of going to nodes, and -1. Any: anything that NumPy converts
+to an array, such a dict, or an awaitable of it.
 """
 
 
@@ -288,7 +312,15 @@ class Decisions(Answers):
             slots = [self.slots[i] for i in indices]
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
         facts = KnownFacts(self.state, commanded.team, None)
-        given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, self.team_memory(commanded.team))
+        memory = self.team_memory(commanded.team)
+        starts = nodes.tolist()
+
+        def list_edges() -> list[tuple[int, ...]]:
+            with self._phase.suspended(changes_world=False):
+                each = zip(indices, starts, strict=True)
+                return [self._legality.list_edges(self.slots[i], here) for i, here in each]
+
+        given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, memory, list_edges)
         self._put_plan(commanded, given)
 
     def team_memory(self, team: Hashable) -> Memory:
@@ -412,11 +444,16 @@ class Decisions(Answers):
         indices = question.indices
         if isinstance(given, TeamArrays):
             try:
-                nodes = given.checked(answer)
+                nodes = given.checked(answer.get("nodes", given.nodes) if isinstance(answer, Mapping) else answer)
+                edges = given.checked_edges(answer) if isinstance(answer, Mapping) else None
             except GammsError as error:
                 self._fail(question, error)
                 return
-            self._take_nodes(question, given, nodes)
+            if edges is None:
+                self._take_nodes(question, given, nodes)
+            else:
+                for i, node, edge in zip(indices, nodes.tolist(), edges.tolist(), strict=True):
+                    self._decide(i, node if edge < 0 else {"edge": edge})
         elif not question.is_plan:
             self.take(indices[0], given)
         elif answer is not None:

@@ -19,7 +19,7 @@ from gamms.game.block.columns import PlayedGame, kept_in
 from gamms.game.movement.noted_moves import NotedMoves, Places
 from gamms.game.movement.roads import ModeEdges, OpenRoads, RoadMap, RoadTables, refuse_several_maps
 from gamms.game.movement.routes import RouteTable, shared_routes
-from gamms.game.movement.streets import StreetGraph
+from gamms.game.movement.streets import StreetGraph, as_table
 from gamms.game.movement.travel import ReachableNodes, map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -599,19 +599,3 @@ class Movement:
             parts.append(self._room[: counts[first:last].sum()].copy())
             first = last
         return counts, np.concatenate(parts)
-
-
-def as_table(at: IntArray, ids: IntArray, rows: int) -> IntArray:
-    """Return ids as a table with a row for each agent, (rows, most), ascending, padded with -1.
-
-    Args:
-        at: (ids,) the row of each id.
-        ids: the ids.
-        rows: the number of rows.
-    """
-    order = np.lexsort((ids, at))
-    counts = np.bincount(at, minlength=rows)
-    first = np.cumsum(counts) - counts
-    found = np.full((rows, int(counts.max(initial=0))), -1)
-    found[at[order], np.arange(len(at)) - first[at[order]]] = ids[order]
-    return found

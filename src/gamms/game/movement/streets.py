@@ -267,3 +267,19 @@ class LegalNodes:
             chosen: IntArray = nodes[ends[:-1] + actions]
             return chosen
         return self._streets.ids_of(self._streets.ends_of(self._rows, actions))
+
+
+def as_table(at: IntArray, ids: IntArray, rows: int) -> IntArray:
+    """Return ids as a table with a row for each agent, (rows, most), ascending, padded with -1.
+
+    Args:
+        at: (ids,) the row of each id.
+        ids: the ids.
+        rows: the number of rows.
+    """
+    order = np.lexsort((ids, at))
+    counts = np.bincount(at, minlength=rows)
+    first = np.cumsum(counts) - counts
+    found = np.full((rows, int(counts.max(initial=0))), -1)
+    found[at[order], np.arange(len(at)) - first[at[order]]] = ids[order]
+    return found
