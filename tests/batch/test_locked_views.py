@@ -92,4 +92,4 @@ def test_no_array_of_a_plan_can_be_written_to():
             ctx.agent.create_agent(f"a{number}", start_node_id=number, team="red")
         ctx.game.command("red", plan, arrays=True)
         ctx.game.run(2)
-    assert found == [4, 4]
+    assert found == [5, 5]
