@@ -255,6 +255,18 @@ def dig(ctx):
     ctx.game.scores["open"] = len(list(graph.graph.get_edges())) if lot < 0.8 else 0
 
 
+def alter(ctx):
+    """Do what games of a batch cannot share: change a setting, or look for agents whose sensors may err."""
+    draw = ctx.stream("alter", ctx.game.turn)
+    lot = draw.random()
+    living = [agent for agent in ctx.game.agents if lot < 0.2]
+    if lot < 0.1:
+        ctx.game.max_turns += lot < 0.05
+    elif living:
+        state = ctx.game.observation(living[int(draw.integers(len(living)))])
+        ctx.game.emit("observed", by=state["name"], seen=len(str(state["sensor"])))
+
+
 def purge(ctx):
     """Let a team lose all its agents."""
     if ctx.game.turn == 1:
@@ -301,6 +313,7 @@ TAKEN = {
     "agent": lambda agent: [agent.current_node_id, agent.prev_node_id, agent.edge, agent.offset_m, agent.alive],
 }
 CALLED = {
+    "alter": alter,
     "desert": desert,
     "dig": dig,
     "look": look,

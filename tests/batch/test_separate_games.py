@@ -65,8 +65,7 @@ def open_with(act, phase="after"):
             ACTS[act](ctx)
         ctx.game.scores["sum"] += sum(agent.current_node_id for agent in ctx.game.agents)
 
-    channels = {} if phase == "deeds" else RADIO
-    ctx = scene([TAG, FLAGS], channels=channels, max_turns=9).build(seed=1)
+    ctx = scene([TAG, FLAGS], channels=RADIO, max_turns=9).build(seed=1)
     ctx.game.add(rule, phase=phase)
     return ctx
 
@@ -155,6 +154,42 @@ def test_a_function_is_called_once_in_each_turn_of_a_game_that_leaves(act, phase
             parts = phase == "deeds" and act == "order"  # the rule is called in each part of the turns that follow
             assert sorted({*caplog.messages} if parts else caplog.messages) == said
             assert [*games.detached] == [1, 2]
+
+
+def tell_and_go(state):
+    """Go by what was sensed, heard and why the last action failed, and tell where."""
+    seen = [len(data) for _, data in state["sensor"].values()]
+    heard = sum(message["body"] for message in state["inbox"])
+    state["outbox"].append({"channel": "radio", "to": None, "body": sum(seen) + state["curr_pos"]})
+    number = sum(seen) + heard + len(state["blocked"] or "") + state["draw"].below(9)
+    state["action"] = state["legal"][number % len(state["legal"])]
+
+
+@pytest.mark.parametrize("parts", [None, [["blue"], ["red"]]])
+@pytest.mark.parametrize(
+    "more", [{}, {"speed_unit": "edges"}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}]
+)
+def test_a_game_leaves_in_any_part_of_a_turn_with_what_agents_have_decided(more, parts, caplog):
+    def rule(ctx):
+        calls = ctx.game.data["calls"] = ctx.game.data.get("calls", 0) + 1
+        ctx.logger.warning(f"seed {ctx.seed}, call {calls}")
+        ctx.game.scores["moves"] += sum(move.start * move.end for move in ctx.game.moves.values())
+        if ctx.seed and calls == 4 + ctx.seed:
+            ctx.game.max_turns = 5
+
+    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
+    team = {"count": 3, "sensors": ["near"], **({"speed": 2.5} if more else {})}
+    given = {"teams": {"red": team, "blue": team}, "sensors": eyes, "channels": RADIO, "max_turns": 6}
+    with scene([TAG], side=4, settings={"order": parts, **more}, **given).build(seed=1) as ctx:
+        ctx.game.conflicts = Conflicts(1)
+        for agent in ctx.agent.create_iter():
+            agent.strategy = tell_and_go
+        ctx.game.add(rule, phase="deeds")
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1, 2]
+            assert len({*caplog.messages}) == len(caplog.messages) == 6 * 3 * len(parts or "1")
+            assert_as_alone(games, alone)
 
 
 def test_rules_that_follow_in_the_turn_see_what_agents_have_sensed_before_the_game_left():
@@ -418,7 +453,7 @@ def slow_down(ctx):
 """
 
 
-@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
 def test_a_game_takes_along_what_it_has_by_its_seed(phase, tmp_path, caplog):
     (tmp_path / "by_seed.py").write_text(OF_SEED)
     meta = {"luck": {"function": "by_seed:draw"}}

@@ -612,6 +612,13 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         self._checked = {}
         self._admissions += 1
 
+    def copy_admitted(self, game: int, target: "MessageTraffic") -> None:
+        """Let the storage of a single game send the admitted messages of a game in this turn."""
+        target.names = self.names
+        target._admissions = self._admissions
+        of_game = [some_rows(box, box.at == game) for box in self._admitted]
+        target._admitted = [box._replace(at=np.zeros_like(box.at)) for box in of_game if len(box.at)]
+
     def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
         """Drop the messages of the last admission by agents whose action failed, given as (game, agent) pairs."""
         for number, box in enumerate(self._admitted[self._first_admitted :], self._first_admitted):

@@ -639,6 +639,7 @@ class BegunPhase(NamedTuple):
         rules: the rules of the game when the phase began.
         called: how many of the rules that the phase calls were called.
         order: the order of play in this turn; None: all agents move at once.
+        part: the part of the turn, for the phase "deeds".
         raised: what the last of them has raised; None: nothing.
         collects: whether the collectors of the turn are still to be called.
         sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
@@ -648,15 +649,16 @@ class BegunPhase(NamedTuple):
     rules: Sequence[NamedRule]
     called: int
     order: Sequence[Sequence[Any]] | None = None
+    part: int = 0
     raised: BaseException | None = None
     collects: bool = True
     sensed: frozenset[tuple[str, str]] = frozenset()
 
     @classmethod
-    def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None) -> "BegunPhase":
+    def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int) -> "BegunPhase":
         """Return the phase of a rule of a table, after this rule was called, with the order of play in the turn."""
         names = [joined.name for _, joined in table.of_phase[rule.phase]]
-        return cls(rule.phase, table.rules, names.index(rule.name) + 1, order)
+        return cls(rule.phase, table.rules, names.index(rule.name) + 1, order, part)
 
 
 class RuleSet:

@@ -309,7 +309,7 @@ class ForkSource:
         self._renew_states(target)
         moves: TurnMoves | None = self.snapshot.get("moves")
         if moves is not None:
-            state.moves = moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
+            state.moves = copy_moves(moves, target, memo)
         state.began = self.starts
 
     def copy_means(self, target: SnapshotTaker, memo: Memo, **others: object) -> None:
@@ -404,6 +404,11 @@ def _is_replaced(value: object) -> bool:
 def _twin_of(memo: Memo, agent: Any) -> Any:
     """Return the copy of an agent; a deleted agent is copied now."""
     return memo.get(id(agent)) or copied_part(agent, memo)
+
+
+def copy_moves(moves: TurnMoves, target: SnapshotTaker, memo: Memo) -> TurnMoves:
+    """Return moves of a turn for the agents of a fork."""
+    return moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
 
 
 def copy_rules(rules: Iterable[NamedRule], memo: Memo) -> list[NamedRule]:

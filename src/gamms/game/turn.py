@@ -469,19 +469,20 @@ class TurnEngine(GameTurn):
             self._collect()
 
     def _finish_deeds(self, begun: BegunPhase) -> None:
-        """Play the rest of the phase "deeds" in the first part of a turn, and the later phases until all have moved."""
+        """Play the rest of the phase "deeds" in a part of the turn, and the later phases until all have moved."""
         self.groups = begun.order
         self.is_moving = True  # another order of play is for the next turn
         plan = self.plan()
         placed = {*self._ctx.agent.block.placed}
         self.begin_moves(plan)
+        self.part = begun.part
         self._ctx.agent.block.placed.update(placed)
         try:
             turn = self.state.moves
             self.rules.apply("deeds", self.state, begun)
             self._follow_deeds(turn, may_be_closed=True)
             plan = self.plan()
-            played = [one for one in plan.entries if one.part == 0 and one.phase in ("decide", "act")]
+            played = [one for one in plan.entries if one.part == begun.part and one.phase in ("decide", "act")]
             self.play_on(plan, plan.entries_after(played[-1]))
         except BaseException as error:
             self.lose_moves(error)

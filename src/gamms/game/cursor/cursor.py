@@ -141,14 +141,7 @@ class Cursor:
         number = self._pointed.number
         keeps_rows = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
         can_keep = keeps_rows or not called.has_array_functions  # whose arrays have a row for each agent
-        has_counted = self._shown.part is not None and not self._shown.cached.are_plain  # looks of this turn
-        return can_keep and not (called.first.has_begun_turn or has_counted)
-
-    @property
-    def _can_leave_in_turn(self) -> bool:
-        """Whether the decisions of agents are moves and deeds alone, with which a game can go on that leaves."""
-        state = self._state
-        return self._core.courses is None and state.flights is None and state.radio is None and not state.turning
+        return can_keep and not called.first.has_begun_turn
 
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
@@ -267,9 +260,7 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        can_go_on = part is None or (part == 0 and self._can_leave_in_turn)
-        order = self._parts.settings.order
-        begun = BegunPhase.after(named, self._parts.rules.now, order) if can_go_on else None
+        begun = BegunPhase.after(named, self._parts.rules.now, self._parts.settings.order, part or 0)
         self._call_each(named.rule, games, self._ctx, what=what, part=part, begun=begun)
 
     def collect(self, games: IntArray) -> None:

@@ -57,7 +57,8 @@ class LooksBefore:
             self._values = {key: [*last] for key, last in lasts_of(alone.ctx).items()}
             alone.ctx.terminate()
         for key in unread:
-            self._lasts[key][:] = self._values.get(key, [{}])
+            last = self._lasts[key]
+            last[:] = self._values.get(key, [{}, *last[1:]])  # agents that came in this turn have seen nothing
         self._renew([name for name, sensor in unread if not sensor])
 
     def _renew(self, names: Sequence[str]) -> None:

@@ -25,7 +25,7 @@ from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import BegunPhase, as_called
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import ForkSource, GameStart, copy_rules
+from gamms.game.snapshots import ForkSource, GameStart, copy_moves, copy_rules
 from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
@@ -319,6 +319,7 @@ class ShownGame(GamesInContext):
         """
         begun = self.begun
         assert begun is not None  # noqa: S101 - else it begins again
+        earlier = self._show_decisions(begun) if self.part is not None else None
         sensed = frozenset(key for key, last in lasts_of(self._ctx).items() if last[0] is not self.looks)
         for last in self.cached.lasts:
             if last[0] is self.looks:
@@ -352,7 +353,36 @@ class ShownGame(GamesInContext):
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
         parts.turns.restore(source.snapshot.part("turns"))
+        if earlier is not None:
+            parts.turns.whole = copy_moves(earlier, parts, memo)
+        if self.part is not None and self._state.radio is not None:
+            self._state.radio.copy_admitted(number, parts.turns.messages)
         return ctx.game
+
+    def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
+        """Show what agents have decided in this turn besides their moves, and how often their sensors have looked.
+
+        Returns:
+            The moves of the earlier parts of the turn; None: it is the first.
+        """
+        number = self._pointed.number
+        part = begun.part
+        games = np.array([number])
+        here, _, took_part = (column[0] for column in self._core.next_moves(games, part))
+        has_moved = self._core.part_of < part
+        has_looked = took_part & (self._core.part_of <= part)
+        for sensor, name in self.cached.counting:
+            looks = {name: (self._values.turn, 1)} if has_looked[self.number_of[name]] else {}
+            sensor.notice.go_to(looks)
+        moves: TurnMoves = self.read("moves")
+        for game, agent, heading in self._state.turning:
+            if game == number:
+                moves.turn_to(moves.order.index_of[self._state.roster.names[agent]], heading)
+        if part == 0 or begun.order is None:
+            return None
+        starts, ends, _ = (column[0] for column in self._core.last_moves(games))
+        starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
+        return self._moves_between(starts, ends, took_part, has_moved).in_parts(begun.order)
 
     def _fill_fields(self) -> None:
         """Put what only the core has into the fields of the game that leaves."""
@@ -381,7 +411,7 @@ class ShownGame(GamesInContext):
         for error in state.errors.of(number):
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
-        for agent in np.flatnonzero(state.blocked[number]).tolist() if self.part is None else ():
+        for agent in np.flatnonzero(state.blocked[number]).tolist():  # in its last turn
             why = in_conflict(self._core.wanted(number, agent))
             if why not in found.get(names[agent], ""):
                 found.add(names[agent], why)
@@ -651,13 +681,15 @@ class ShownGame(GamesInContext):
         number = self._pointed.number
         games = np.array([number])
         if part is not None:
-            return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
+            acts = self._core.part_of == part
+            starts, ends, took_part = (column[0] for column in self._core.next_moves(games, part))
+            return self._moves_between(starts, ends, took_part, acts)
         if not self._has_moved:
             return self._called.first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
         if not took_part.any():
             return None
-        moves = self._moves_between(starts, ends, took_part)
+        moves = self._moves_between(starts, ends, took_part, None)
         parts = self._parts.settings.order
         return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
 
@@ -672,8 +704,10 @@ class ShownGame(GamesInContext):
         """The number of turns played, the part in which agents are about to move, and whether newcomers take part."""
         return int(self._state.turn[self._pointed.number]), self.part, self.have_joined
 
-    def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
-        """Return the moves of the agents that took part."""
+    def _moves_between(
+        self, starts: IntArray, ends: IntArray, took_part: BoolArray, acts: BoolArray | None
+    ) -> TurnMoves:
+        """Return the moves of the agents that took part; those that do not act stay, None: all act."""
         population = self._population
         moved = None if self.row is None else self.row.moved
         if moved is not None and moved[0] == self._moment:
@@ -686,8 +720,8 @@ class ShownGame(GamesInContext):
         starts = starts[numbers]
         ends = np.where(took_part, ends[numbers], starts)
         acting = np.where(took_part, numbers, -1)
-        if self.part is not None:  # the others stay where they are
-            acting[self._core.part_of[numbers] != self.part] = -1
+        if acts is not None:
+            acting[~acts[numbers]] = -1
         actions = {}
         paths = None
         if courses is not None:
