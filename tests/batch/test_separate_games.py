@@ -220,6 +220,8 @@ def test_functions_read_the_data_of_rules_after_another_game_has_left(phase):
         ctx.game.data["own"] = ctx.game.turn
         if ctx.game.turn == 2 + ctx.seed % 2:
             ACTS["flags" if ctx.seed % 2 else "conflicts"](ctx)
+        if ctx.game.turn > 3:  # all games have left
+            ctx.game.emit("data", keys=sorted(ctx.game.data))
 
     with scene([FLAGS], max_turns=6).build(seed=1) as ctx:
         ctx.game.add(rule, phase=phase)
@@ -469,6 +471,35 @@ def test_a_game_takes_along_what_it_has_by_its_seed(phase, tmp_path, caplog):
         assert len({*caplog.messages}) == len(caplog.messages) == 4 * 12
         for number, seed in enumerate(games.seeds):
             assert plain(games.result(number)) == plain(made.play(seed=seed))
+
+
+@pytest.mark.parametrize("keeps", [False, True])
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_array_functions_go_on_in_a_game_that_leaves_after_agents_have_come_and_gone(phase, keeps, caplog):
+    @gamms.array_strategy
+    def wander(view):
+        number = view.keep("turns", lambda games: {"played": np.zeros(games, np.int64)})["played"] if keeps else None
+        if number is not None:
+            number[view.games] += 1
+        return (view.draw.below(view.counts) + (0 if number is None else number[view.games][:, None])) % view.counts
+
+    def rule(ctx):
+        ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+        if ctx.game.turn == 2:
+            ctx.agent.create_agent("red_9", start_node_id=3, team="red", strategy=wander)
+            ctx.agent.delete_agent("blue_1")
+        if ctx.game.turn == 4 + ctx.seed and ctx.seed:
+            ctx.agent.get_agent("blue_0").speed = 2
+
+    with scene([TAG, "respawn"], max_turns=8).build(seed=1) as ctx:
+        for agent in ctx.game.agents:
+            agent.strategy = wander
+        ctx.game.add(rule, phase=phase)
+        with ctx.game.batch(3, most_agents={"red": ["red_9"]}) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1, 2]
+            assert len({*caplog.messages}) == len(caplog.messages) == 3 * 8
+            assert_as_alone(games, alone)
 
 
 def test_strategies_made_for_each_seed_decide_in_games_that_leave(tmp_path):

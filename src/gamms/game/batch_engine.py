@@ -176,6 +176,7 @@ class GamesOnOneMap:
         first.scores.put(0, self.game.scores)
         columns.give()
         state.first |= first.first
+        state.of_core |= first.of_core
         self._beginning = BeginningGames(state, self._block, first, columns, starts)
         self.begin(games)
         self._initial.put_values(state, games)

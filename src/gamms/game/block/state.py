@@ -593,6 +593,11 @@ class GameRow(NamedTuple):
         of_arrays = {key: those for key, those in kept.items() if key not in state.of_core}
         return cls(state.roster, state.streets, state.stops[row].copy(), kept, of_arrays)
 
+    @property
+    def keeps_for_agents(self) -> bool:
+        """Whether array functions may keep values of each agent, by its number in the roster."""
+        return any(one.ndim > 1 for several in self.of_arrays.values() for one in several.values())
+
 
 class GameArrays(BatchColumns):
     """The state of all games of a batch, seen from one map.

@@ -13,7 +13,7 @@ from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import GameArrays
+from gamms.game.block.state import GameArrays, GameRow
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame
@@ -137,11 +137,10 @@ class Cursor:
     @property
     def _can_take_along(self) -> bool:
         """Whether a game that leaves can go on from there, see `ShownGame.take_along`; else it begins again."""
-        called = self._called
         number = self._pointed.number
-        keeps_rows = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
-        can_keep = keeps_rows or not called.has_array_functions  # whose arrays have a row for each agent
-        return can_keep and not called.first.has_begun_turn
+        has_same_agents = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
+        can_keep = has_same_agents or not GameRow.of(self._state, number).keeps_for_agents
+        return can_keep and not self._called.first.has_begun_turn
 
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
