@@ -129,8 +129,8 @@ class Cursor:
         is_moving = turns.is_moving
         self.release()
         self._begin()
-        self._shown.forget_counts()
         self._shown.go_on(before)
+        self._shown.begin_counts()
         turns.is_playing = True
         turns.is_moving = is_moving
 
@@ -309,7 +309,7 @@ class Cursor:
         turns.is_playing = True
         self._shown.part = part
         self._shown.begun = begun
-        self._shown.forget_counts()
+        self._shown.begin_counts()
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
             ordered = games[self._pointed.by_population(games)]

@@ -237,7 +237,8 @@ class ShownGame(GamesInContext):
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
-        self.has_more = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
+        self._has_own = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
+        self.has_more = self._has_own
         self._kept_start = values.start
         self._kept_deeds = values.deed_log
         if state.radio is not None:
@@ -360,7 +361,7 @@ class ShownGame(GamesInContext):
         return ctx.game
 
     def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
-        """Show what agents have decided in this turn besides their moves, and how often their sensors have looked.
+        """Show what agents have decided in this turn besides their moves.
 
         Returns:
             The moves of the earlier parts of the turn; None: it is the first.
@@ -370,10 +371,6 @@ class ShownGame(GamesInContext):
         games = np.array([number])
         here, _, took_part = (column[0] for column in self._core.next_moves(games, part))
         has_moved = self._core.part_of < part
-        has_looked = took_part & (self._core.part_of <= part)
-        for sensor, name in self.cached.counting:
-            looks = {name: (self._values.turn, 1)} if has_looked[self.number_of[name]] else {}
-            sensor.notice.go_to(looks)
         moves: TurnMoves = self.read("moves")
         for game, agent, heading in self._state.turning:
             if game == number:
@@ -464,10 +461,18 @@ class ShownGame(GamesInContext):
         owned = [pair for pair in owned if id(pair[0]) in counting]
         return _PopulationCaches(lasts, notices, owned, sees_world_only, are_plain, cache(self._new_order))
 
-    def forget_counts(self) -> None:
-        """Forget how often sensors have looked in this turn, perhaps in another game."""
+    def begin_counts(self) -> None:
+        """Count the looks of sensors in each game from now on: some have looked in the turn, if agents are moving."""
+        self.has_more = self._has_own or (self.part is not None and len(self.cached.counting) > 0)
         for sensor, _ in self.cached.counting:
             sensor.notice.reset()
+
+    def _show_counts(self) -> None:
+        """Show how often sensors have looked before agents move: once, if their owners have decided."""
+        have_looked = self._core.have_decided(self._pointed.number, self.part or 0)
+        for sensor, name in self.cached.counting:
+            has_looked = have_looked[self.number_of[name]]
+            sensor.notice.go_to({name: (self._values.turn, 1)} if has_looked else {})
 
     def forget_looks(self) -> None:
         """Forget what agents have sensed."""
@@ -489,6 +494,8 @@ class ShownGame(GamesInContext):
             self.ordered.order.take_lives()
         if self._attributes.shown is not self._attributes.now:
             self._attributes.show(self._agents)
+        if self.part is not None and self.cached.counting:
+            self._show_counts()
         if self._phase.epoch != self.epoch:
             self._note_epoch()
 
@@ -922,7 +929,8 @@ class ShownGame(GamesInContext):
         """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
         what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
         if has_drawn or not self.cached.are_plain:
-            if self.part is not None:  # agents have drawn and looked in this turn
+            at_arrivals = self._parts.settings.decide == "arrival"
+            if self.part is not None and (has_drawn or at_arrivals):  # agents have, any number of times
                 self.leave(what)
             self._note_read(what)
 
