@@ -208,6 +208,20 @@ def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
         check(ctx, stays=False)
 
 
+def test_games_whose_functions_draw_globally_begin_again_after_the_first_of_these_turns(caplog):
+    def roll(ctx):
+        ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+        ctx.game.scores["rolled"] += random.randrange(9)
+
+    with build([TAG]) as ctx:
+        ctx.game.add(roll)
+        with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            calls = [said for said in caplog.messages if said.startswith("seed")]
+            assert len(calls) == games.turn.sum() + 3
+            assert_as_alone(games, alone)
+
+
 def test_what_plain_functions_remember_is_in_no_columns():
     said = r"columns needs games that the core plays completely; .* strategy decide"
     with build([TAG], {"red": decide}) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match=said):

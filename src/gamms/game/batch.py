@@ -502,9 +502,14 @@ class Batch(Surface, Immutable, NotPickled):
         """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
         plays_by_phases = self._engine.plays_by_phases
         before = global_state() if self._engine.calls_each else None
+        steps = 0
         while (left := self._engine.turns_left()) > 0:
             if plays_by_phases:
                 self.step()
+                steps += 1
+                is_checked = before is not None and not steps & (steps - 1)  # after 1, 2, 4, 8, … steps
+                if is_checked and global_state() != before:
+                    break  # all games begin again
             else:
                 self._try_play(min(left, MANY_TURNS), threads)
             if self._warns_of_no_end and self._turns_of_run() >= MANY_TURNS:

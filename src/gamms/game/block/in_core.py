@@ -844,7 +844,8 @@ class CoreGames:
 
     def have_decided(self, game: int, part: int) -> BoolArray:
         """Return a mask of the agents of a game that have decided in a turn until a part of it, (agents,)."""
-        return (self._block.takes_part[game] > 0) & (self.part_of <= part)
+        found: BoolArray = (self._block.takes_part[game] > 0) & (self.part_of <= part)
+        return found
 
     def enter(self, game: int, agent: int, start: int | Position, node: int, *, after_moves: bool) -> None:
         """Add an agent to a game, before or after the moves of the turn.
