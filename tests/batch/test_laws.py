@@ -100,7 +100,7 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(how, data, seeds, ag
 modes = st.lists(st.sampled_from(["car", "foot", None]), min_size=1, max_size=3).filter(any)
 
 
-@pytest.mark.parametrize("how", ["one edge", "edges", "metres"])
+@pytest.mark.parametrize("how", ["one edge", "edges", "metres", "metres, at arrivals"])
 @settings(LARGE, max_examples=4)
 @given(data=st.data(), modes=modes, **drawn_for_all)
 def test_games_in_which_agents_have_modes_are_those_that_are_played_alone(how, data, modes, seeds, again, outside, lot):

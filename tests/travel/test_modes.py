@@ -40,6 +40,7 @@ UNITS = {
     "edges": [None, 1.5, 2],
     "metres": [None, 8.0, 25.0],
     "metres_per_second": [None, 8.0, 25.0, float("inf")],
+    "at arrivals": [None, 8.0, 25.0],
     "one edge": [None],
 }
 VALUES = [True, False, 0, 30, 0.0, 12.5, None]
@@ -76,7 +77,8 @@ def open_map(edges, *, is_cut):
 def open_game(edges, agents, unit, *, is_cut, conflicts=None):
     """Return a context with a game, in which all agents have the mode, or the map has no other edges."""
     ctx = open_map(edges, is_cut=is_cut)
-    ctx.game.speed_unit = unit if unit.startswith("metres") else "edges"
+    ctx.game.speed_unit = {"at arrivals": "metres"}.get(unit, unit if unit.startswith("metres") else "edges")
+    ctx.game.decide = "arrival" if unit == "at arrivals" else "turn"
     ctx.game.weight = "travel_time" if unit == "metres_per_second" else "length"
     ctx.game.conflicts = conflicts
     for number, (name, node, speed) in enumerate(agents):
@@ -195,9 +197,8 @@ def test_a_mode_that_is_no_attribute_is_refused_with_the_nearest_name():
         assert agent.mode == "drive"
 
 
-@pytest.mark.parametrize("setting", [{"legal": "any"}, {"speed_unit": "metres", "decide": "arrival"}])
-def test_games_that_cannot_follow_a_mode_refuse_it(setting):
-    with gamms.create_context(game=setting) as ctx:
+def test_a_game_whose_moves_need_no_edges_refuses_modes():
+    with gamms.create_context(game={"legal": "any"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
         for edge in [*ctx.graph.get_edges()]:
             ctx.graph.update_edge({"id": edge, "drive": True})

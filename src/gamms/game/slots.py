@@ -298,7 +298,7 @@ class Slots(Sequence[AgentSlot]):
         ]
         have_modes = any(mode is not None for mode in block.modes)
         if have_modes:
-            refuse_modes(settings.legal, settings.decide)
+            refuse_modes(settings.legal)
         are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
@@ -478,16 +478,14 @@ class SlotMaker:
         return slots
 
 
-def refuse_modes(legal: str, decide: str) -> None:
-    """Refuse agents with a mode in games whose moves do not follow it.
+def refuse_modes(legal: str) -> None:
+    """Refuse agents with a mode in games whose moves follow no edges.
 
     Raises:
-        BadValue: moves follow no edges, or agents decide on arrival.
+        BadValue: they follow none.
     """
     if legal == "any":
         raise BadValue("Agents have mode=, but with ctx.game.legal = 'any' moves need no edges: leave legal='edges'.")
-    if decide == "arrival":
-        raise BadValue("Agents have mode=, which ctx.game.decide = 'arrival' does not follow: leave decide='turn'.")
 
 
 def _speed(agent: IAgent) -> float | None:

@@ -678,21 +678,20 @@ class TurnEngine(GameTurn):
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        travel = self.legality.travel
         self._leave_closed_edges(order, part)
         arrivals = self._arriving(order, part)
         turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
         try:
             self._set_out(turn, {}, arrivals)
             while arrivals.arrive():
-                travel.now = arrivals.now
+                self.legality.set_time(arrivals.now)
                 actions: Mapping[int, ResolvedAction] = {}
                 if arrivals.now < 1.0:
                     here = order.part_of(arrivals.here)
                     actions = self.ask(order, here, [], arrivals.chosen).actions
                 self._set_out(turn, actions, arrivals)
         finally:
-            travel.now = 0.0
+            self.legality.set_time(0.0)
             arrivals.close()
         arrivals.end(turn)
         return turn
@@ -703,7 +702,9 @@ class TurnEngine(GameTurn):
         roads = self.legality.travel.roads
         has_end = self._settings.conflicts is not None
         if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
-            known = ArrivingAgents(order, part.members, roads, has_end=has_end)
+            modes = dict.fromkeys(slot.mode for slot in order.slots if slot.mode is not None)
+            of_modes = {mode: self.legality.of_mode(mode).travel.roads for mode in modes}
+            known = ArrivingAgents(order, part.members, roads, of_modes, has_end=has_end)
             self._last_arriving[self.part] = known
         return known
 

@@ -584,7 +584,8 @@ class CoreColumns:
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
             return Failure.illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
-        may_turn = by.by_metres and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
+        modes = by.mode_of[noted.agents[[row]]]
+        may_turn = by.by_metres and by.backs(noted.others[[row]], noted.games[[row]], modes)[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.illegal(game, agent, f"BadValue: {error}")
 

@@ -66,7 +66,7 @@ def movement_of(
     modes = [mode_of(agent) for agent in roster.agents]
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
-        refuse_modes(settings["legal"], settings["decide"])
+        refuse_modes(settings["legal"])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":

@@ -349,7 +349,7 @@ class Cursor:
         finally:
             turns.is_playing = False
             turns.is_moving = False
-            turns.travel.now = 0.0
+            turns.legality.set_time(0.0)
             self._shown.forget_looks()
         self._have_left(games)
 
@@ -456,7 +456,7 @@ class Cursor:
             notice.go_to(looks)
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
-        turns.travel.now = self._state.time[number].item()
+        turns.legality.set_time(self._state.time[number].item())
         decisions: Decisions = turns.decide(self._shown.ordered.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
         self._marks[number] = _StreamPositions(

@@ -93,6 +93,7 @@ class ArrivingAgents:
         order: the living agents.
         members: the slots of the agents of this part of a turn.
         roads: the map.
+        of_modes: the map with the edges that each mode of the agents may use.
         has_end: whether arrivals at the end of the turn count, because there are conflicts.
 
     Attributes:
@@ -102,7 +103,15 @@ class ArrivingAgents:
         chosen: receives the paths that agents choose here.
     """
 
-    def __init__(self, order: TurnOrder, members: Sequence[int], roads: RoadMap, *, has_end: bool) -> None:
+    def __init__(
+        self,
+        order: TurnOrder,
+        members: Sequence[int],
+        roads: RoadMap,
+        of_modes: Mapping[str, RoadMap],
+        *,
+        has_end: bool,
+    ) -> None:
         agents = len(order.slots)
         self.order = order
         self.roads = roads
@@ -121,7 +130,8 @@ class ArrivingAgents:
         }
         self._columns = columns
         no_paths: list[Any] = [_NO_BYTES, 0, _NO_INTS, _NO_INTS, _NO_INTS, _NO_INTS, _NO_FLOATS]
-        ways = GoalPaths(roads.map, roads.map, roads.reach.core, *no_paths)
+        streets = roads.join([*of_modes.values()]) if of_modes else roads.map
+        ways = GoalPaths(streets, streets, roads.reach.core, *no_paths)
         unknown: Any = None  # as the legal nodes are
         nothing: list[Any] = [unknown, _NO_BYTES, *[None] * 4]  # functions decide, and find paths and conflicts
         self._movers = by_metres.MetreMovers(
@@ -133,7 +143,9 @@ class ArrivingAgents:
             parts=1,
             **{name: columns[name] for name in _OF_MOVERS},
         )
-        games = rules.GameColumns(agents, 0, **{name: columns[name] for name in _OF_GAME})
+        places: dict[str | None, int] = {mode: number * len(roads.ids) for number, mode in enumerate(of_modes, 1)}
+        firsts: Any = np.array([places.get(slot.mode, 0) for slot in order.slots] if of_modes else [], np.int64).data
+        games = rules.GameColumns(agents, 0, mode_first=firsts, **{name: columns[name] for name in _OF_GAME})
         at_arrivals = self._arrivals.thread(self._movers, has_end=has_end, chosen=self.chosen.core)
         self._player = turn.Player(games, self._movers, at_arrivals, None, _ENDLESS, _GOING, 0, _GOING, _NO_PAST)
         columns["part_of"][:] = array(INT64, [1]) * agents

@@ -199,7 +199,7 @@ class Courses:
             games, agents = self._shape
             edge = self._by.on_edge((np.arange(games)[:, None], np.arange(agents))).ravel()
             on = np.flatnonzero(edge >= 0)
-            trips.backs[self._standing + on, 0] = self._by.backs(edge[on], on // agents)
+            trips.backs[self._standing + on, 0] = self._by.backs(edge[on], on // agents, self._by.mode_of[on % agents])
         trips.node[own] = node.ravel()
         trips.nodes[own, 0] = trips.node[own]
         trips.edge[own] = edge

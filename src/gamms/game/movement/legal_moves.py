@@ -331,10 +331,16 @@ class Movement:
         self.clear(*those)
         return (*those, edges[is_closed])
 
-    def backs(self, edges: IntArray, games: IntArray) -> IntArray:
-        """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none."""
+    def backs(self, edges: IntArray, games: IntArray, modes: IntArray | None = None) -> IntArray:
+        """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none.
+
+        Args:
+            edges: rows.
+            games: the number of the game of each edge.
+            modes: the number of the mode of an agent on each; None: agents may use all edges.
+        """
         found = np.full(len(edges), -1)
-        for movement, places in self._each_map(games):
+        for movement, places in self._each_map(games, modes):
             backs = found[places]
             core.backs(movement.map, buffer(edges[places]), backs.data)
             found[places] = backs

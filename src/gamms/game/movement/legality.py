@@ -150,7 +150,13 @@ class Legality:
         assert mode is not None  # noqa: S101 - agents without a mode ask this object
         if mode not in self._of_modes:
             self._of_modes[mode] = Legality(self._ctx, self._settings, mode)
+            self._of_modes[mode].travel.now = self.travel.now
         return self._of_modes[mode]
+
+    def set_time(self, now: float) -> None:
+        """Set the time in the turn at which agents of all modes decide, from 0 to 1."""
+        for one in (self, *self._of_modes.values()):
+            one.travel.now = now
 
     @property
     def _graph(self) -> Any:  # Any: see `graph_of`

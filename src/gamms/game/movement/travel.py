@@ -566,6 +566,9 @@ class RoadMap(PathFinder, RoadIds):
         seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
         mode: the edge attribute that says which edges agents may use; None: all.
+
+    Attributes:
+        seconds, turn_seconds: see the arguments.
     """
 
     def __init__(
@@ -578,6 +581,8 @@ class RoadMap(PathFinder, RoadIds):
         mode: str | None = None,
     ) -> None:
         edges_at = None if mode is None else find_edges_at(columns, mode)
+        self.seconds = seconds
+        self.turn_seconds = turn_seconds
         PathFinder.__init__(self, columns, costs, edges_at)
         roads = map_of(columns, self._costs, seconds, turn_seconds, edges_at and edges_at[0])
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
@@ -614,6 +619,18 @@ class RoadMap(PathFinder, RoadIds):
             return []
         back = core.back(self.map, row)
         return sorted([edge] if back < 0 else [edge, self.edge_ids[back][2]])
+    def join(self, others: Sequence["RoadMap"]) -> core.RoadEdges:
+        """Return this map, and those of modes of the same graph behind it, in the form of the core."""
+        every = [self, *others]
+        columns = self._columns
+        each = [(columns.offsets, columns.out_edges) if one._edges_at is None else one._edges_at[0] for one in every]
+        offsets = np.concatenate(([0], np.cumsum(np.concatenate([np.diff(offsets) for offsets, _ in each]))))
+        leaving = offsets, np.concatenate([rows for _, rows in each])
+        costs = np.array([one._costs for one in every])
+        found = map_of(columns, costs, None if self.seconds is None else costs, self.turn_seconds, leaving)
+        first_costs = np.arange(len(every)) * len(columns.edge_ids)
+        found.take(*map(kernels.buffer, (*leaving, first_costs)))
+        return found
 
     def search(self, found: TravelSearch) -> None:
         """Let a search find paths on this map."""
