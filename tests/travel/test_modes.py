@@ -9,7 +9,7 @@ import gamms
 from gamms import belief, rl, solve, strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import find_usable_edges
-from gamms.rules import Conflicts, at_random, tag
+from gamms.rules import Conflicts, at_random, discover, tag
 from gamms.scenario import Scenario, ScenarioError
 from gamms.sensor import agent_range, neighbor
 
@@ -261,6 +261,19 @@ def test_waypoints_are_nodes_that_the_agent_can_reach(settings, mode):
             assert nodes[turn] == [[ctx.agent.get_agent("a").current_node_id]]
         assert drawn <= {*range(8)}
         assert len(drawn) > 3
+
+
+def test_an_agent_discovers_the_nodes_ahead_along_the_edges_of_its_mode():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 4, spacing=10.0))
+        for edge in [*ctx.graph.get_edges()]:
+            ctx.graph.update_edge({"id": edge, "drive": ctx.graph.get_edge(edge).target < 2, "walk": True})
+        ctx.game.add(discover([0, 1, 2], hops=2))
+        for team, mode in (("cars", "drive"), ("walkers", "walk")):
+            ctx.agent.create_agent(f"a {mode}", start_node_id=0, team=team, mode=mode, strategy=strategies.stay)
+        ctx.game.step()
+        found = {(event["team"], event["node"]) for event in ctx.game.events if event["kind"] == "discover"}
+        assert found == {("cars", 0), ("cars", 1), ("walkers", 0), ("walkers", 1), ("walkers", 2)}
 
 
 def test_a_mode_stays_known_when_its_last_edge_is_removed(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered, UnknownName
+from gamms.game.movement.travel import graph_of
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
@@ -168,9 +169,9 @@ def discover(
     """Make a rule that lets teams discover nodes and their contents when a sensor of a living agent has them in view.
 
     Only the ends of turns count. An agent on the ground also sees its own node and the nodes at most `hops` edges
-    ahead. Discovered nodes stay known. Each discovery is an event `discover` with `agent` (the first by name), `team`,
-    `node`, and `first`: whether no other team has discovered it in an earlier turn. `state["facts"][key]` has the
-    discoveries of the agent's team: node -> contents.
+    ahead, along edges that its mode may use. Discovered nodes stay known. Each discovery is an event `discover` with
+    `agent` (the first by name), `team`, `node`, and `first`: whether no other team has discovered it in an earlier
+    turn. `state["facts"][key]` has the discoveries of the agent's team: node -> contents.
 
     Args:
         nodes: one node, several, or node -> contents, for example "flag" or "decoy": any plain value.
@@ -439,5 +440,7 @@ def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex)
 def _in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: float) -> set[int]:
     """Return the nodes that an agent has in view, or at most `hops` edges ahead."""
     here = agent.current_node_id
-    around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
+    around: Iterable[int] = ()
+    if agent.type is not AgentType.AERIAL:
+        around = nodes_within(graph_of(ctx, getattr(agent, "mode", None)), here, hops)
     return _shown(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)
