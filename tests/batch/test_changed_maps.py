@@ -37,6 +37,14 @@ def add_island(ctx):
         here.current_node_id = 500
 
 
+def found_colony(ctx):
+    """Add a node and put an agent there at once."""
+    if is_due(ctx):
+        ctx.graph.graph.add_node({"id": 500, "x": 3.0, "y": 3.0})
+        ctx.graph.graph.add_edge({"id": 900, "source": 500, "target": 7, "length": 4.0})
+        ctx.agent.get_agent("red_0").current_node_id = 500
+
+
 def stretch(ctx):
     """Change the length of an edge."""
     if is_due(ctx):
@@ -62,7 +70,7 @@ def draw(ctx):
         ctx.game.scores["luck"] += int(ctx.game.observation("blue_0")["rng"].integers(100))
 
 
-ACTS = [add_bridge, add_island, stretch, build_wall, ask_erring_sensors, draw]
+ACTS = [add_bridge, add_island, found_colony, stretch, build_wall, ask_erring_sensors, draw]
 
 
 def built(act, settings=None, phase="after", strategies=None, **options):

@@ -54,6 +54,40 @@ def test_an_array_strategy_that_plays_alone_hears_no_unknown_channel(given):
         scene([], **given).play(strategies={"blue": gamms.array_strategy(lambda view: view.heard("phone"))})
 
 
+def leave(ctx):
+    """Delete an agent."""
+    if ctx.game.turn == 2:
+        ctx.agent.delete_agent("blue_1")
+
+
+@gamms.array_strategy
+def call_the_deleted(view):
+    view.send("radio", True, 1, "blue_1")
+    return view.counts * 0
+
+
+def call_the_deleted_plainly(state):
+    state["outbox"].append({"channel": "radio", "body": 1, "to": "blue_1"})
+    state["action"] = state["curr_pos"]
+
+
+def test_a_message_to_a_deleted_agent_is_refused_alone_and_in_batches():
+    game = scene([], channels=channels(), max_turns=4)
+
+    def play(strategy):
+        with game.build(2, strategies={"red": strategy}) as ctx:
+            ctx.game.add(leave)
+            with ctx.game.batch(1, seed=2) as games:
+                games.run(warn=False)
+                together = games.result(0)
+            return ctx.game.run(4), together
+
+    results = [*play(call_the_deleted), *play(call_the_deleted_plainly)]
+    assert "Unknown agent or team 'blue_1'" in results[0].errors[0]["message"]
+    assert {error["turn"] for error in results[0].errors} == {2, 3}
+    assert all(one.errors == results[0].errors and one.messages == results[0].messages for one in results)
+
+
 def chatter(state):
     """Send more than channels take, to agents of which one is the sender, and messages that are too large."""
     turn, names = state["turn"], ("red_0", "blue_1", None)

@@ -297,6 +297,8 @@ def test_a_declaration_of_a_deed_that_lasts_is_checked(road):
         ({"fields": {}, "turns": 1, "on_interrupt": "stop"}, "must be 'restart' or 'resume'"),
         ({"fields": {}, "turns": 1, "interupted_by": ["tag"]}, "Did you mean 'interrupted_by'"),
         ({"fields": {}, "turns": 1, "interrupted_by": ["tag", "done"]}, "cannot have 'done', an event of the deed"),
+        ({"fields": {}, "turns": 1, "interrupted_by": ["noise", "tga"]}, "Unknown event .* Did you mean 'tag'"),
+        ({"fields": {}, "turns": 1, "interrupted_by": ["moved"]}, "Did you mean 'move'"),
         ({"bomb": "node", "turns": 4}, "put its fields into fields"),
     ):
         with pytest.raises((BadValue, UnknownName), match=message):
@@ -480,3 +482,29 @@ def test_what_an_agent_is_doing_is_drawn_as_an_arc_that_closes(road):
             if record["opCode"] == 1
         ]
     assert replayed == drawn
+
+
+@pytest.mark.parametrize("turn", [1, 2])
+def test_an_agent_that_is_created_under_the_name_of_a_deleted_one_begins_without_its_deed(turn):
+    def work(state):
+        state["memory"].setdefault("seen", []).append(state["doing"] and state["doing"]["left"])
+        state["action"] = {"do": {"defuse": 3}} if state["turn"] in (0, 4) else state["curr_pos"]
+
+    def swap(ctx):
+        if ctx.game.turn == turn:
+            ctx.agent.delete_agent("ann")
+            ctx.agent.create_agent("ann", start_node_id=3, team="red", strategy=work)
+
+    with gamms.create_context(seed=1, game={"deeds": {"defuse": {**DEFUSE, "on_interrupt": "resume"}}}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        ctx.agent.create_agent("ann", start_node_id=1, team="red", strategy=work)
+        ctx.game.add(swap)
+        with ctx.game.batch(1, seed=1) as games:
+            games.run(10, warn=False)
+            together = games.result(0)
+        result = ctx.game.run(10)
+        seen = ctx.agent.get_agent("ann").state["memory"]["seen"]
+    assert seen == [None, *((3.0, 2.0)[: turn - 1]), *[None] * (5 - turn), 3.0, 2.0, 1.0, None, None]
+    assert events_of(result, "interrupted") == [("interrupted", float(turn), "eliminated", 4.0 - turn)]
+    assert events_of(result, "done") == [("done", 8.0)]
+    assert result == together

@@ -247,3 +247,12 @@ def test_points_that_are_not_finite_are_outliers(town):
 def test_a_graph_without_edges_takes_no_track():
     with gamms.create_context(seed=1) as ctx, pytest.raises(BadValue, match="no edges"):
         ctx.graph.match_track([(0.0, 0.0)])
+
+
+def test_the_match_of_several_agents_says_whose_each_point_is(town, tmp_path):
+    file = tmp_path / "walks.csv"
+    file.write_text("agent,x,y\nbo,385000,6672003\nan,385000,6672003\nbo,385100,6672003\nan,385000,6679003\n")
+    found = town.graph.match_track(file)
+    assert found.agent == "bo, an"
+    assert found.agents == ["bo", "bo", "an", "an"]
+    assert [found.agents[point] for point in found.outliers] == ["an"]

@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gamms import osm
 from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
 from gamms.graph import Graph, routes, store
 from gamms.graph.store import Cache
 from gamms.typing import IGraph
+from gamms.typing import routes as typing_routes
 
 IDS = (4, -2, 9, 0, 31, 7)
 EDGES = st.lists(
@@ -276,3 +278,14 @@ def test_a_weight_that_no_edge_has_is_refused_with_those_that_there_are(ctx):
         ctx.graph.distance(1, 2, weight="beauty")
     ctx.graph.graph.remove_edge(7)
     assert ctx.graph.distance(1, 1, weight="beauty") == 0.0
+
+
+def test_an_unknown_mode_of_turns_is_refused_on_a_map_without_restrictions(square):
+    start, end = [*square.get_nodes()][:2]
+    with pytest.raises(UnknownName, match="Unknown mode of travel 'drvie'"):
+        square.distance(start, end, turns="drvie")
+    assert square.distance(start, end, turns="drive") == square.distance(start, end, turns="truck")
+
+
+def test_the_modes_that_come_with_the_library_are_known_to_routes():
+    assert {*typing_routes._SHIPPED_MODES} == {*osm.modes()}

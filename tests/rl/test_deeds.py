@@ -85,7 +85,7 @@ def test_checkers_find_no_fault(capsys):
 
 def test_deeds_without_an_end_of_choices_are_refused_by_name():
     with pytest.raises(
-        BadValue, match=r"'amount' of the deed 'pay' is of the kind 'number'.*pay: \{amount: \[1, 2\]\}"
+        BadValue, match=r"'amount' of the deed 'pay' is of the kind 'number'.*amount: \[1, 2\], among the fields"
     ):
         rl.parallel_env(scene({"pay": {"amount": "number"}}, [TAG]), team="red")
     with pytest.raises(BadValue, match="With the deed 'mark' there are 10001 choices"):
@@ -135,3 +135,10 @@ def test_learners_see_how_much_of_a_deed_that_lasts_they_have_done():
         assert learners.deed_masks[..., choice].all()
         done = [deed["agent"] for game in range(2) for deed in learners.games.result(game).deeds]
         assert done == ["red_0", "red_1"]
+
+
+def test_a_number_of_a_deed_that_lasts_is_refused_with_a_way_out_that_it_can_take():
+    wait = {"fields": {"long": "number"}, "turns": 4}
+    with pytest.raises(BadValue, match=r"long: \[1, 2\], among the fields of the deed"):
+        rl.Learners(scene({"wait": wait}, rules=[TAG]), teams=["red"])
+    rl.Learners(scene({"wait": {**wait, "fields": {"long": [1, 2]}}}, rules=[TAG]), teams=["red"]).close()

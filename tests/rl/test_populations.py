@@ -101,6 +101,8 @@ def test_a_learned_response_is_a_lower_bound_that_is_trained_once(tmp_path):
     found = population(out=tmp_path, learner=learner, env={"num_games": 2})
     first = found.responses("red", "learn")
     assert (first.name, first.bound) == ("learn 2 to nash of 2", "lower")
+    with pytest.raises(BadValue, match="'learn 2 to nash of 2' is of team 'red', not of 'blue'"):
+        found.add("blue", first)
     found.add("red", first)
     shares = list(found.weights("blue").values())
     assert found.payoffs[2] @ shares == pytest.approx(first.value)

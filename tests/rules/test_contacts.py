@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AgentType
+from gamms.errors import UnknownName
 from gamms.rules import contacts, one_to_one
 
 
@@ -20,6 +21,18 @@ def test_agents_that_pass_each_other_on_an_edge_meet(road):
     ctx.game.step()
     assert pairs(ctx) == {("r", "b"): 0.0, ("r", "behind"): 0.0, ("r", "same_way"): 0.0}
     assert pairs(ctx, crossing=False) == {("r", "behind"): 0.0, ("r", "same_way"): 0.0}
+
+
+def test_a_misspelled_team_is_refused_and_one_whose_agents_come_later_meets_nobody(road):
+    ctx = road(r=("red", 3, 4), b=("blue", 4, 3))
+    ctx.game.step()
+    for sides in (("rde", "blue"), ("blue", {"team": "rde", "names": ["r"]})):
+        with pytest.raises(UnknownName, match="Unknown team 'rde'"):
+            contacts(ctx, *sides)
+    assert contacts(ctx, "red", "visitors") == []
+    ctx.agent.delete_agent("r")
+    ctx.agent.create_agent("n", start_node_id=3, team="reds")
+    assert contacts(ctx, "red", "reds") == []
 
 
 @pytest.mark.parametrize("team", ["drones", "red"])

@@ -316,10 +316,14 @@ def test_a_keyword_whose_text_names_an_edge_attribute_warns_once_that_it_changes
         ctx.graph.update_edge({"id": 0, "car_cost": 2.0})
         for name in "abc":
             ctx.agent.create_agent(name, start_node_id=0, weight="car_cost", color="red")
+        ctx.graph.update_edge({"id": 1, "highway": "residential"})
+        ctx.agent.create_agent("d", start_node_id=0, kind="highway")
         assert ctx.agent.get_agent("a").weight == "car_cost"
     told = [record.message for record in caplog.records if "changes no route" in record.message]
-    assert len(told) == 1
+    assert len(told) == 2
     assert "mode='car_cost'" in told[0]
+    assert "mode=" not in told[1]
+    assert "attributes of edges with numbers" in told[1]
 
 
 def test_a_recording_and_a_fork_keep_the_modes_of_agents(tmp_path):

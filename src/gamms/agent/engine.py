@@ -40,7 +40,7 @@ from gamms.deciding import ContextPart, Guarded, phase_of, refused_while_decidin
 from gamms.errors import BadValue, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, read_vector
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, may_be_mode
 from gamms.ir.journal import CLOSED, PLAIN, MutedJournal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import VECTORS
@@ -298,14 +298,14 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         texts = {key: value for key, value in attributes.items() if isinstance(value, str) and key not in _KEYWORDS}
         if not texts or self._block.trusts_nodes:
             return
-        known = self._ctx.graph.columns().edge_attributes
+        columns = self._ctx.graph.columns()
+        known = columns.edge_attributes
         for key, value in texts.items():
             if value in known and (key, value) not in self._warned:
                 self._warned.add((key, value))
                 self._ctx.logger.warning(
                     f"Agent {shown(name)}: {key}={value!r} names an attribute of the edges, but it is an attribute of "
-                    f"the agent, and changes no route. mode={value!r} says which edges the agent may use, and "
-                    f"ctx.game.weight = {value!r} by which costs agents with speeds in metres choose their ways."
+                    f"the agent, and changes no route. {_what_changes_routes(columns, value)}"
                 )
 
     def _note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
@@ -676,6 +676,16 @@ class AgentStorage(Guarded):
         for agent, own in before.deleted:  # restored as they were when they were deleted
             agent._block = own
             agent._row = 0
+
+
+def _what_changes_routes(columns: GraphColumns, name: str) -> str:
+    """Return the hint for an attribute of an agent that names an attribute of the edges."""
+    if not may_be_mode(columns, name):
+        return "Modes and weights are attributes of edges with numbers, or with true or false."
+    return (
+        f"mode={name!r} says which edges the agent may use, and ctx.game.weight = {name!r} by which costs agents with "
+        "speeds in metres choose their ways."
+    )
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:

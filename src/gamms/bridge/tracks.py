@@ -90,7 +90,7 @@ def recording_from_tracks(
                 f"{_MOST_TURNS:,} are allowed. Give a greater turn_seconds."
             )
         _play(ctx, found, began, turns, seconds, path, overwrite)
-    return [join_matches(name, [one]) for name, one in matched.items()]
+    return [join_matches([one]) for one in matched.items()]
 
 
 def _empty_copy(graph: object) -> Context:

@@ -227,19 +227,40 @@ def _as_lasting(given: Mapping[Any, Any], name: str) -> ReadOnlyMapping:
         key: as_positive(rest[key], f"{name}[{key!r}]") for key in ("turns", "seconds") if key in rest
     }
     if "interrupted_by" in rest:
-        kinds = as_items(rest["interrupted_by"], f"{name}['interrupted_by']", "texts, such as ['move', 'tag']")
-        checked["interrupted_by"] = tuple(as_name(kind, "what interrupts a deed") for kind in kinds)
-        own = [kind for kind in checked["interrupted_by"] if kind in _OWN_EVENTS]
-        if own:
-            raise BadValue(
-                f"{name}['interrupted_by'] cannot have {own[0]!r}, an event of the deed itself. Name 'move', 'tag', or "
-                "a kind of event that a rule emits."
-            )
+        checked["interrupted_by"] = _as_interrupting(rest["interrupted_by"], f"{name}['interrupted_by']")
     if "on_interrupt" in rest:
         checked["on_interrupt"] = as_choice(rest["on_interrupt"], f"{name}['on_interrupt']", ("restart", "resume"))
     if "blocks_moving" in rest:
         checked["blocks_moving"] = as_bool(rest["blocks_moving"], f"{name}['blocks_moving']")
     return LastingDeed(fields, Duration(**checked))
+
+
+def _as_interrupting(given: object, name: str) -> tuple[str, ...]:
+    """Return what interrupts a deed.
+
+    Raises:
+        BadType, BadValue: it is not a list of texts, or has an event of the deed itself.
+        UnknownName (KeyError): a kind resembles an event of the library and is none.
+    """
+    items = as_items(given, name, "texts, such as ['move', 'tag']")
+    kinds = tuple(as_name(kind, "what interrupts a deed") for kind in items)
+    own = [kind for kind in kinds if kind in _OWN_EVENTS]
+    if own:
+        raise BadValue(
+            f"{name} cannot have {own[0]!r}, an event of the deed itself. Name 'move', 'tag', or a kind of event that "
+            "a rule emits."
+        )
+    for kind in kinds:
+        if kind not in _INTERRUPTING and nearest(kind, _INTERRUPTING, _MISSPELLED):
+            hint = " An event of your own needs a name that is less like this one."
+            raise UnknownName(f"event in {name}:", kind, _INTERRUPTING, hint)
+    return kinds
+
+
+_INTERRUPTING = (
+    "move", "tag", "eliminated", "respawned", "reach", "arrive", "take", "drop", "capture", "discover", "empty"
+)  # fmt: skip # besides events of rules of the user
+_MISSPELLED = 0.65  # how much, from 0 to 1, a name is like one of these
 
 
 def _declaration(key: object, kind: object, name: str) -> Any:

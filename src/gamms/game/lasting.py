@@ -263,6 +263,22 @@ def end_deeds(ctx: HostContext) -> None:
         state.deed_log.add(state.row, rows)
 
 
+def drop_deed(ctx: HostContext, name: str) -> None:
+    """Interrupt the deed of a deleted agent whose name a new one gets, which begins without."""
+    game = ctx.game
+    for kind in list_lasting(game.deeds):
+        kept = game.data.get(DOING, {}).get(kind)
+        if kept is None:
+            continue
+        kept["unfinished"].pop(name, None)
+        kept["left"].pop(name, None)
+        begun = kept["begun"].pop(name, None)
+        if begun is not None:
+            time = float(game.turn)
+            left = begun["until"] - time
+            game.emit("interrupted", agent=name, deed=kind, by="eliminated", time=time, left=left, **begun["values"])
+
+
 class _TurnEnds:
     """What may interrupt deeds in a turn.
 

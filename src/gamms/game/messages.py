@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from functools import lru_cache, partial
 from itertools import pairwise
 from operator import attrgetter, itemgetter
+from types import MappingProxyType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -489,6 +490,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         teams: agent -> its team, for all agents of every game.
         part_of: (agents,) the part of the turn in which each agent decides.
         num_games: the number of games.
+        departed: deleted agent -> its team, for agents that `teams` lacks.
 
     Attributes:
         channels, teams: see the arguments.
@@ -496,9 +498,15 @@ class MessageTraffic(GameLog[list[SentMessages]]):
     """
 
     def __init__(
-        self, channels: Mapping[str, Channel], teams: Mapping[str, Any], part_of: IntArray, num_games: int
+        self,
+        channels: Mapping[str, Channel],
+        teams: Mapping[str, Any],
+        part_of: IntArray,
+        num_games: int,
+        departed: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         super().__init__(num_games)
+        self._departed = departed
         self.channels = channels
         self.teams = teams
         self.names = tuple(teams)
@@ -533,7 +541,7 @@ class MessageTraffic(GameLog[list[SentMessages]]):
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
             receivers = self._name_receivers(to, where.shape)[at, which].tolist()
-        elif to is not None and not receivers_of(_as_key(to), self.teams):
+        elif to is not None and not receivers_of(_as_key(to), {**self._departed, **self.teams}):
             raise UnknownName("agent or team", to, [*self.teams, *dict.fromkeys(self.teams.values())])
         if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
             raise BadValue(
@@ -687,9 +695,9 @@ class MessageTraffic(GameLog[list[SentMessages]]):
 
     # -- hearing ------------------------------------------------------------------------------------------------
 
-    def share(self, teams: Mapping[str, Any], part_of: IntArray) -> "MessageTraffic":
+    def share(self, teams: Mapping[str, Any], part_of: IntArray, departed: Mapping[str, Any]) -> "MessageTraffic":
         """Return the messages that are under way for agents with other numbers, see the arguments of the class."""
-        found = MessageTraffic(self.channels, teams, part_of, self._num_games)
+        found = MessageTraffic(self.channels, teams, part_of, self._num_games, departed)
         found._under_way = self._under_way
         return found
 

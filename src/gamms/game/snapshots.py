@@ -12,6 +12,7 @@ from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, re
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, facts_for
+from gamms.game.lasting import drop_deed
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.result import CollectorMark, Collectors, warn_of_idle
 from gamms.game.settings import NamedRule, NodesOf, Plan, RuleSet, RuleTable, Settings, refuse_misfits
@@ -653,7 +654,10 @@ class GameInternals(ContextPart):
     def note_starts(self, starts: Iterable[tuple[str, int | Position]]) -> None:
         """Store the starts of agents, by their names, that are created while a game is played."""
         if self.state.has_begun:
-            self.state.began.update(starts)
+            came = dict(starts)
+            self.state.began.update(came)
+            for name in came:
+                drop_deed(self._parts.ctx, name)
 
     def start_of(self, agent: IAgent) -> int | Position:
         """Return the start of an agent: a node id, or (x, y, z)."""

@@ -43,7 +43,8 @@ class TrackMatch(NamedTuple):
     """A track, matched to the roads.
 
     Attributes:
-        agent: the name of the agent or of the track; empty for points without a name.
+        agent: the name of the agent or of the track; of several, their names with commas; empty for points without a
+            name.
         paths: node ids of each part of the route. A part begins and ends at the nodes nearest to its first and last
             points, and may have a single node.
         edges: for each point the id of its edge; None for outliers.
@@ -53,6 +54,7 @@ class TrackMatch(NamedTuple):
             leads on between them, or the file begins a new track or segment.
         length: the length of the route from the first point to the last, without gaps, in the unit of edges.
         off_m: the mean distance of points from their edges, map units; NaN if no point is on a road.
+        agents: for each point the name of its agent or track, for `edges`, `outliers` and `gaps` of several.
     """
 
     agent: str
@@ -63,6 +65,7 @@ class TrackMatch(NamedTuple):
     gaps: list[tuple[int, int]]
     length: float
     off_m: float
+    agents: list[str]
 
     @property
     def points(self) -> int:
@@ -116,28 +119,31 @@ def match_track(
     """Match a file or points to a graph; see `GraphEngine.match_track`."""
     tracks = _read_source(source, graph)
     matcher = TrackMatcher(graph, routes, columns, noise_m, within_m)
-    return join_matches(tracks[0].name if tracks else "", [matcher.match(one) for one in tracks])
+    return join_matches([(one.name, matcher.match(one)) for one in tracks])
 
 
-def join_matches(name: str, pieces: Sequence[MatchedPoints]) -> TrackMatch:
-    """Return the match of a track whose segments were matched apart."""
+def join_matches(pieces: Sequence[tuple[str, MatchedPoints]]) -> TrackMatch:
+    """Return the match of tracks and segments that were matched apart, given with the names of their tracks."""
     parts: list[TrackPart] = []
     ends: list[tuple[int, int]] = []  # of each part: numbers of its first and last point
     edges: list[int | None] = []
-    for piece in pieces:
+    agents: list[str] = []
+    for name, piece in pieces:
+        agents += [name] * len(piece.edges)
         parts += piece.parts
         ends += [(len(edges) + part.points[0], len(edges) + part.points[-1]) for part in piece.parts]
         edges += piece.edges
-    off = [one for piece in pieces for one in piece.off]
+    off = [one for _, piece in pieces for one in piece.off]
     return TrackMatch(
-        agent=name,
+        agent=", ".join(dict.fromkeys(name for name, _ in pieces)),
         paths=[_trimmed_path(part) for part in parts],
         edges=edges,
-        places=np.concatenate([np.empty((0, 2)), *(piece.places for piece in pieces)]),
+        places=np.concatenate([np.empty((0, 2)), *(piece.places for _, piece in pieces)]),
         outliers=[at for at, edge in enumerate(edges) if edge is None],
         gaps=[(before[1], after[0]) for before, after in pairwise(ends)],
         length=float(sum(part.along[-1] - part.along[0] for part in parts)),
         off_m=float(np.mean(off)) if off else nan,
+        agents=agents,
     )
 
 

@@ -330,7 +330,7 @@ def check_mode(columns: GraphColumns, closed: ClosedEdges, mode: str) -> None:
     """
     if mode in columns.edge_attributes or any(mode in edge for edge in closed.values() if mode not in _OWN_KEYS):
         return
-    known = [name for name, given in columns.edge_attributes.items() if _says_who_may_pass(given)]
+    known = [name for name in columns.edge_attributes if may_be_mode(columns, name)]
     raise UnknownName("mode", mode, sorted(known), _MODES)
 
 
@@ -339,9 +339,9 @@ _MODES = " A mode is an edge attribute with true or false, or with speeds."
 _MAY_PASS = (bool, int, float, np.bool_, np.number, type(None))
 
 
-def _says_who_may_pass(values: Mapping[int, Any]) -> bool:
-    """Return whether an attribute may be a mode, judged by its first value."""
-    return isinstance(next(iter(values.values()), ""), _MAY_PASS)
+def may_be_mode(columns: GraphColumns, name: str) -> bool:
+    """Return whether an edge attribute may be a mode, judged by its first value."""
+    return isinstance(next(iter(columns.edge_attributes[name].values()), ""), _MAY_PASS)
 
 
 def select_edges(columns: GraphColumns, is_chosen: "np.ndarray[Any, np.dtype[np.bool_]]") -> GraphColumns:

@@ -215,7 +215,7 @@ def _options_of(
     if field.is_required and not values:
         raise BadValue(
             f"The field {key!r} of the deed {deed!r} is of the kind {field.kind!r}, and learners cannot have all "
-            f"of its values: list those that they may choose, such as deeds: {{{deed}: {{{key}: [1, 2]}}}}."
+            f"of its values: list those that they may choose, {key}: [1, 2], among the fields of the deed."
         )
     return field, values
 

@@ -52,12 +52,14 @@ class PopulationResponse(NamedTuple):
         strategy: the strategy.
         value: the payoff of the team against the mixture.
         bound: how `value` bounds that of the best response: "exact", "upper", or "lower", as for all learned ones.
+        team: the team that responds.
     """
 
     name: str
     strategy: Any
     value: float
     bound: str
+    team: Hashable
 
 
 class Population:
@@ -159,10 +161,16 @@ class Population:
 
         Raises:
             UnknownName (KeyError): the team does not exist.
+            BadValue: the response is that of another team.
             Duplicate: the team has a strategy of this name.
         """
         members = self._members[as_known(team, "team", self.teams)]
         if isinstance(strategy, PopulationResponse):
+            if strategy.team != team:
+                raise BadValue(
+                    f"The response {shown(strategy.name)} is of team {shown(strategy.team)}, not of {shown(team)}: add "
+                    "it to its own team."
+                )
             found = {strategy.name if name is None else name: strategy.strategy}
         else:
             found = _name_strategies([strategy] if name is None else {name: strategy})
@@ -320,7 +328,7 @@ class Population:
             raise BadValue(f"Exact responses are for one map, not {len(self._maps)}: use by='learn'.")
         scenario = self._scenario.replace(map=next(iter(self._maps.values()))) if self._maps else self._scenario
         found = self._exact(scenario, team=team, against={other: self.mixture(other, to)}, seed=self._seeds[0])
-        return PopulationResponse(name, found.strategy, float(found.value), str(found.bound))
+        return PopulationResponse(name, found.strategy, float(found.value), str(found.bound), team)
 
     def _train(self, team: Hashable, name: str, other: Hashable, to: Mix) -> PopulationResponse:
         """Return the trained response; its policy is trained only once."""
@@ -332,7 +340,7 @@ class Population:
         found = self._play({team: {name: strategy}, other: self._members[other]})
         gains = self._mean_payoffs(found, {team: [name], other: list(self._members[other])}).ravel()
         sign = 1.0 if team == self.teams[0] else -1.0
-        return PopulationResponse(name, strategy, sign * float(gains @ shares), "lower")
+        return PopulationResponse(name, strategy, sign * float(gains @ shares), "lower", team)
 
     def _train_policy(self, team: Hashable, path: Path, other: Hashable, to: Mix) -> None:
         """Train a policy against a mixture, and save it."""

@@ -10,9 +10,9 @@ from gamms.arguments import as_context, as_flag, as_items, as_range, names_keywo
 from gamms.context import Context
 from gamms.core.contacts import Contacts
 from gamms.core.rules import Tagging, fill_steps
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.block.in_core import ContactOptions, RuleBuilder
-from gamms.game.roles import as_team_or_role
+from gamms.game.roles import as_team_or_role, get_team
 from gamms.rules.in_core import tagging
 from gamms.rules.meetings import Side, in_air, made_for, turn_of
 from gamms.text import shown
@@ -70,12 +70,29 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
 
     Raises:
         BadType, BadValue: a distance is invalid, or there are several.
+        UnknownName (KeyError): a team that no agent has or had resembles that of others.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
+    _refuse_misspelled(ctx, a)
+    _refuse_misspelled(ctx, b)
     first: dict[tuple[str, str], Contact] = {}
     for contact in found(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
         first.setdefault(contact[:2], contact)
     return list(first.values())
+
+
+def _refuse_misspelled(ctx: Context, side: Side) -> None:
+    """Refuse a team that no agent has or had, and that resembles another one; see `contacts`."""
+    if callable(side):
+        return
+    team = get_team(as_side(side))
+    block = ctx.agent.block
+    if team is None or team in block.teams or team in block.team_rows:
+        return
+    teams = sorted({*block.teams, *block.team_rows} - {None}, key=str)
+    gone = {team for team, _ in ctx.game.internals.state.departed.values()}
+    if team not in gone and nearest(team, teams):
+        raise UnknownName("team", team, teams)
 
 
 def one_to_one(met: Iterable[Contact]) -> list[Contact]:

@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_items, as_range
 from gamms.core.strategies import is_nearer
 from gamms.deciding import DecidePhase
-from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
+from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName, nearest
 from gamms.ir import geometry
 from gamms.ir.graph import (
     FloatArray,
@@ -730,7 +730,8 @@ def _mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turns: st
     Raises:
         BadType: it is neither a name nor True.
         BadValue: True, and the map has several modes.
-        UnknownName: the map has restrictions for other modes only, and no edge attribute of this name.
+        UnknownName: the map has restrictions for other modes only, and no edge attribute of this name; or it has none
+            at all, and the name resembles that of an edge attribute or a mode that comes with GAMMS.
     """
     if turns is True:
         if len(known) > 1:
@@ -738,9 +739,19 @@ def _mode_of_turns(columns: GraphColumns, known: Mapping[str, object], turns: st
         return next(iter(known), "")
     if not isinstance(turns, str):
         raise BadType(f"turns must be the name of a mode of travel, such as 'drive', or True, not {shown(turns)}.")
-    if known and turns not in known and turns not in columns.edge_attributes:
+    if turns in known or turns in columns.edge_attributes:
+        return turns
+    if known:
         raise UnknownName("mode of travel with turn restrictions", turns, known)
+    names = {*_SHIPPED_MODES, *columns.edge_attributes}
+    if turns not in names and nearest(turns, names):
+        raise UnknownName(
+            "mode of travel", turns, names, " The map has no turn restrictions: turns=True asks for those of any mode."
+        )
     return turns
+
+
+_SHIPPED_MODES = ("bike", "drive", "drive_service", "robot", "walk")  # with tables in `data/modes.toml`
 
 
 def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:

@@ -327,7 +327,8 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     block.reading = partial(phase_of(ctx).suspended, changes_world=False)
     if game.channels:
         turns.messages.follow()
-        block.radio = turns.messages.share(roster.team_by_name(), roster.part_of(None))
+        gone = {name: team for name, (team, _) in game.internals.state.departed.items()}
+        block.radio = turns.messages.share(roster.team_by_name(), roster.part_of(None), gone)
 
 
 # -- rules ------------------------------------------------------------------------------------------------------------

@@ -768,11 +768,11 @@ class ShownGame(GamesInContext):
         have_changed = bool(journal.log or journal.progressed or are_changed)
         have_facts = self._facts != self.facts_shown
         self._pointed.shows_more = self._pointed.shows_more or is_other or have_changed or have_facts or rng is not None
+        if self._pointed.map.changes() != self._pointed.map_changes:
+            self._take_roads()  # before the agents, which may be on new nodes
         block = self._take_agents(journal) if have_changed else self.block
         if self._read:
             self._take_logs(self._read)
-        if self._pointed.map.changes() != self._pointed.map_changes:
-            self._take_roads()
         for name in _NUMBERS:
             self._state.numbers[name][self._pointed.number, self._population.numbers] = getattr(block, name)
         if have_facts:
