@@ -329,12 +329,49 @@ def test_a_graph_of_several_modes_has_the_turns_of_each(signed, tolerance):
         both.graph.distance(0, 1, turns=True)
 
 
-def test_games_refuse_agents_that_are_to_obey_turns(signed):
-    path = signed(CROSSING, ARMS, sign("no_left_turn", [100], [2], [102]))
-    ctx = loaded(graph_from_file(path, NO_CUT, osm_type=["walk", "drive"]))
-    assert ctx.agent.create_agent("walker", start_node_id=0, mode="walk").mode == "walk"
-    with pytest.raises(BadValue, match="do not obey turn restrictions"):
-        ctx.agent.create_agent("car", start_node_id=0, mode={"attribute": "drive", "turns": True})
+def test_games_in_kluuvi_make_no_turn_that_a_referee_forbids(tmp_path):
+    signs = add_signs(KLUUVI, tmp_path / "signs.osm", seed=2, count=40)
+    wrong = {}
+    for mode in ({"attribute": "drive", "turns": True}, "drive"):
+        ctx = loaded(graph_from_file(signs, NO_CUT, osm_type=["drive", "walk"], tolerance=0.0))
+        columns = ctx.graph.columns()
+        row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
+        referee = Referee(signs)
+
+        def places(edges, ctx=ctx, columns=columns, row_of=row_of, referee=referee):
+            rows = [row_of[id] for id in edges]
+            ends = columns.xy[np.stack((columns.sources[rows], columns.targets[rows]), axis=1)]
+            lines = [columns.polylines.get(row, pair) for row, pair in zip(rows, ends, strict=True)]
+            lat, lon = ctx.graph.to_latlon(*np.concatenate(lines).T)
+            return referee.nodes_along(np.asarray(lat).tolist(), np.asarray(lon).tolist())
+
+        may_drive = [id for id in row_of if ctx.graph.edge_attributes(id)["drive"] > 0]
+        referee.judge({pair for id in may_drive for pair in pairwise(places([id]))})
+        drives = []
+        now = {}
+        nodes = ctx.graph.place(24, mode="drive", rng=np.random.default_rng(5))
+        for number, node in enumerate(nodes):
+            going = gamms.strategies.random_waypoints(ctx) if number % 2 else gamms.strategies.random_walk
+            now[f"car {number}"] = []
+            ctx.agent.create_agent(f"car {number}", start_node_id=node, mode=mode, strategy=going)
+        for turn in range(90):
+            ctx.game.step()
+            for name, edges in now.items():
+                path, _, legs = ctx.game.tracks([name])[0]
+                if len(path) > 1:
+                    find_edge = ctx.game.internals.parts.turns.legality.find_edge
+                    edges.append(legs[0].edge if legs else find_edge("drive", *path))
+                else:  # it waits, or the signs leave no way: it begins elsewhere
+                    drives.append(edges)
+                    now[name] = []
+                    ctx.agent.get_agent(name).current_node_id = nodes[turn % len(nodes)]
+        assert not ctx.game.errors
+        drives += now.values()
+        assert sum(map(len, drives)) > 1000
+        wrong[str(mode)] = [turn for edges in drives if edges for turn in referee.forbidden_turns(places(edges))]
+        ctx.terminate()
+    assert wrong.pop("{'attribute': 'drive', 'turns': True}") == []
+    assert len(wrong["drive"]) > 5
 
 
 def test_a_mode_turns_back_where_only_other_modes_go_on(signed):

@@ -151,6 +151,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._made_engine()
         self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone, self._let_go)
+        self._obey_turns = self._roster.obey_turns
         self._keeps_given = as_bool(record, "record") or self._engine.may_leave
         self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
         self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
@@ -166,6 +167,13 @@ class Batch(Surface, Immutable, NotPickled):
         self._given_now: Mapping[Hashable, OutsideActions] = {}  # in the present turn, before it is logged
         self._was_given = False  # whether actions were passed to `step` and not kept
         self._lock = RLock()  # of the thread that plays
+        self._set_apart(np.arange(len(self)))
+
+    def _set_apart(self, games: IntArray) -> None:
+        """Play games in contexts of their own from their start on if agents obey turn restrictions."""
+        if self._obey_turns:
+            why = "agents obey turn restrictions, which the core does not know"
+            self._take_leaving(dict.fromkeys(games.tolist(), LeavingGame(why, None)), self.turn)
 
     def _made_engine(self) -> BatchEngine:
         """Return the engine that plays the games in the core, and set `slow`.
@@ -624,6 +632,7 @@ class Batch(Surface, Immutable, NotPickled):
     def _note_begun(self, games: IntArray) -> None:
         """Note that games have begun: forget the actions that were given to them before."""
         self._separate.forget(games.tolist())
+        self._set_apart(games)
         if len(games) == len(self):
             self._log = []
             self._was_given = False
@@ -679,6 +688,10 @@ class Batch(Surface, Immutable, NotPickled):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> GameArrays:
+        if self._obey_turns:
+            raise BadValue(
+                f"{what} needs games that the core plays; it does not know turn restrictions, which agents obey."
+            )
         if self._separate or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")

@@ -709,6 +709,7 @@ class BatchEngine(TurnDriver):
         self.newest = range(num_streets)
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, None, others=movements[1:])
+        self._obey_turns = rosters[0].obey_turns
         self._state.radio = _radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
@@ -839,8 +840,8 @@ class BatchEngine(TurnDriver):
 
     @property
     def may_leave(self) -> bool:
-        """Whether functions are called, which may move games to contexts of their own."""
-        return self.calls_each or len(self.functions) > 0
+        """Whether functions are called, or agents obey turns, which may move games to contexts of their own."""
+        return self.calls_each or len(self.functions) > 0 or self._obey_turns
 
     @property
     def plays_by_phases(self) -> bool:

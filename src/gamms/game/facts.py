@@ -133,6 +133,14 @@ class PrivateForks:
                 found = turns.legality.list_edges(order.slots[at], state["curr_pos"])
         return found
 
+    def list_driven(self, state: Mapping[str, Any]) -> tuple[int, ...]:
+        """Return the ids of the edges on which the agent with a state has come to its node; see `GameState.driven`."""
+        if self._ctx is None:
+            return ()
+        with phase_of(self._ctx).suspended(changes_world=False):
+            driven: tuple[int, ...] = self._ctx.game.internals.parts.turns.legality.find_driven(state["name"])
+        return driven
+
     def note_search(self, decisions: Mapping[str, bool]) -> None:
         """Count the agents whose action a search found, and the agents for which it had no time, in the timings.
 

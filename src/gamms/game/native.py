@@ -36,7 +36,7 @@ from gamms.game.slots import COUNTED, Slots
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import show_lives, show_positions, show_progress
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import GarbagePause
 from gamms.progress import uninterrupted
@@ -104,6 +104,7 @@ def _may_be_in_core(game: PlayedGame) -> bool:
         and all(one.spec.core_form is not None and not one.spec.is_array_function for one in game.rules)
         and not (are_called or settings["channels"] or settings["deeds"] or settings["time_budget"])
         and not game.ctx.agent.block.flyers
+        and not any(mode is not None and split_mode(mode)[1] for mode in game.ctx.agent.block.modes)
         and settings["decide"] == "turn"  # all living agents decide in the last turn
         and all(type(score) in (int, float) and fits_float(score) for score in game.scores.values())
         and game.internals.state.parts_played is None

@@ -19,7 +19,7 @@ from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import RowArray
+from gamms.ir.graph import RowArray, split_mode
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing import AgentType
@@ -63,6 +63,7 @@ class AgentSlot:
         flies: whether it flies.
         speed: its speed per turn, in the unit of the game; None: one edge.
         mode: the edge attribute that says which edges it may use; None: all.
+        obeys_turns: whether the turn restrictions of the map bind it.
         travels: whether it may be anywhere on an edge.
         is_plain: whether it moves along one edge, any, on the ground.
         carried: its sensors, prepared for calls.
@@ -75,7 +76,19 @@ class AgentSlot:
 
     __slots__ = (
         *("_asked", "_draws", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "game"),
-        *("is_plain", "last", "mode", "name", "row", "sees_world_only", "shows_doing", "speed", "team", "travels"),
+        *(
+            "is_plain",
+            "last",
+            "mode",
+            "name",
+            "obeys_turns",
+            "row",
+            "sees_world_only",
+            "shows_doing",
+            "speed",
+            "team",
+            "travels",
+        ),
     )
 
     def __init__(
@@ -94,6 +107,7 @@ class AgentSlot:
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.mode: str | None = None if self.flies else getattr(agent, "mode", None)
+        self.obeys_turns = self.mode is not None and split_mode(self.mode)[1]
         self.shows_doing = bool(list_lasting(settings.deeds))
         is_slow = self.speed is None and self.mode is None
         self.is_plain = is_slow and not (self.flies or self.travels) and settings.legal == "edges"
@@ -299,6 +313,8 @@ class Slots(Sequence[AgentSlot]):
         have_modes = any(mode is not None for mode in block.modes)
         if have_modes:
             refuse_modes(settings.legal)
+            has_pace = has_speed | travels | (settings.decide == "arrival")
+            refuse_turns([mode for mode, is_paced in zip(block.modes, has_pace, strict=True) if is_paced])
         are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
@@ -486,6 +502,21 @@ def refuse_modes(legal: str) -> None:
     """
     if legal == "any":
         raise BadValue("Agents have mode=, but with ctx.game.legal = 'any' moves need no edges: leave legal='edges'.")
+
+
+def refuse_turns(modes: Sequence[str | None]) -> None:
+    """Refuse agents that obey turn restrictions and do not move along one edge per turn, given their modes.
+
+    Raises:
+        BadValue: one of the modes says that its agents obey turn restrictions.
+    """
+    for mode in modes:
+        if mode is not None and split_mode(mode)[1]:
+            raise BadValue(
+                f"Agents have mode= {mode!r}, and agents that obey turn restrictions move along one edge per turn: "
+                "leave out speed=, and leave ctx.game.speed_unit='edges' and decide='turn'. Agents with a speed may follow a route that "
+                "obeys, from ctx.graph.shortest_path(a, b, turns='drive')."
+            )
 
 
 def _speed(agent: IAgent) -> float | None:

@@ -101,7 +101,7 @@ class TurnEngine(GameTurn):
             "join": ("apply", self._join),
             "send": ("apply", self._send),
         }
-        self.legality = Legality(ctx, settings)
+        self.legality = Legality(ctx, settings, state)
         self.travel = self.legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
         self.answers = Decisions(settings, state, phase, self.legality, self.observation, self.sensed)
@@ -834,6 +834,8 @@ class TurnEngine(GameTurn):
             slot = turn.slots[i]
             if action.heading != ():
                 block.set(slot.row, "heading", action.heading)
+            if slot.obeys_turns and turn.find_track(i).legs:
+                self.legality.drive_on(slot, action.edge)
             if slot.flies:
                 slot.counts["moves"] += action.position not in (None, block.flights.position_of(slot.row))
                 if action.position is not None:

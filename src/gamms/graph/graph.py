@@ -18,7 +18,7 @@ from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes
 from gamms.graph.store import GraphStore, Neighborhoods
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, edge_weights
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_mode, edge_weights, split_mode
 from gamms.ir.projection import scale_fault, text_of
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
@@ -443,7 +443,7 @@ class Graph(Surface, Guarded, IGraph):
     ) -> list[int]:
         """Return the ids of `n` different random nodes."""
         name = as_mode(mode)
-        graph = self if name is None else self._routes.select_mode(name)
+        graph = self if name is None else self._routes.select_mode(split_mode(name)[0])
         return positions.place(self._store, n, near, radius, apart, rng, None if graph is self else graph)
 
     # -- bulk operations ----------------------------------------------------------------------------------------

@@ -418,6 +418,7 @@ for _field, (_code, _name, _audience, _key, _) in FIELD_EVENTS.items():
 GAME_SCORES = FIELD_EVENTS["scores"].code
 GAME_BLOCKED = FIELD_EVENTS["blocked"].code
 GAME_NAMED_EDGES = FIELD_EVENTS["named_edges"].code
+GAME_DRIVEN = FIELD_EVENTS["driven"].code
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )

@@ -39,7 +39,7 @@ LOGS = ("events", "errors", "deeds", "messages")
 
 _HISTORY = (
     *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
-    *(*LOGS, "marked", "named_edges", "timings"),
+    *(*LOGS, "marked", "named_edges", "timings", "driven"),
 )
 
 
@@ -287,6 +287,18 @@ def as_named_edges(value: object) -> dict[str, tuple[int, int]]:
     return cast("dict[str, tuple[int, int]]", found)
 
 
+def as_driven(value: object) -> dict[str, tuple[int, ...]]:
+    """Return checked edges that agents have moved along: agent -> ids.
+
+    Raises:
+        BadType: the value is not such a mapping.
+    """
+    each = value.items() if isinstance(value, Mapping) else [(None, ())]
+    if not all(isinstance(name, str) and all(type(id) is int for id in edges) for name, edges in each):
+        raise BadType(f"The edges that agents have moved along must be lists of ids by name, not {shown(value)}.")
+    return {str(name): (*edges,) for name, edges in each}
+
+
 def as_looks(value: object) -> dict[int, dict[str, Any]]:
     """Return checked pending reports of a sensor: turn -> data by agent name.
 
@@ -325,6 +337,8 @@ class GameState:
         blocked: agent -> reason why its last action was not performed; only for blocked agents.
         named_edges: agent -> the number of a turn, and the id of the edge that its action has named and that it has
             taken in this turn: of the last turn in which any agent has; replaced, never mutated.
+        driven: agent that obeys turn restrictions -> the ids of the last edges that it moved along, as many as matter
+            for the next turn, the latest last; they count while the agent is at the end of the last one.
         facts: published facts, read-only values; this dict object is never replaced.
         agent_facts: agent -> facts published only to it.
         team_facts: team -> facts published only to it.
@@ -382,6 +396,15 @@ class GameState:
         is_seldom=True,
         axis="agent",
         event=ChangeEvent(0x0400000C, "GAME_NAMED_EDGES", Audience.TEAM, "named_edges"),
+    )
+    driven: dict[str, tuple[int, ...]] = game_field(
+        dict,
+        copied_dict,
+        captured=to_plain,
+        restored=as_driven,
+        is_seldom=True,
+        axis="agent",
+        event=ChangeEvent(0x0400000D, "GAME_DRIVEN", Audience.TEAM, "driven"),
     )
     facts: dict[str, Any] = game_field(dict, copied_dict, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")

@@ -277,26 +277,38 @@ def as_mode(value: object) -> str | None:
     """Return the name of the edge attribute that says which edges a mode may use; None for no mode: all edges.
 
     Args:
-        value: the name of a mode of the map, or `{"attribute": name}`, or None.
+        value: the name of a mode of the map, or `{"attribute": name}`, or None. With `"turns": True` beside the
+            attribute, agents of the mode obey the turn restrictions of the map; the name then says so, see
+            `split_mode`.
 
     Raises:
         BadType: the value has another form.
-        BadValue: it asks for turn restrictions, which games do not know.
     """
-    if isinstance(value, Mapping) and "turns" in value:
-        raise BadValue(
-            "mode= takes no 'turns': agents do not obey turn restrictions in games. Let a strategy follow a route that "
-            "does, such as ctx.graph.shortest_path(a, b, turns='drive')."
-        )
     if value is None:
         return None
-    name = value["attribute"] if isinstance(value, Mapping) and [*value] == ["attribute"] else value
+    name = value
+    ending = ""
+    if isinstance(value, Mapping) and "attribute" in value and {*value} <= {"attribute", "turns"}:
+        name = value["attribute"]
+        turns = value.get("turns", False)
+        if not isinstance(turns, bool):
+            raise BadType(f"'turns' of mode= must be True or False, not {shown(turns)}.")
+        ending = _WITH_TURNS if turns else ""
     if isinstance(name, str):
-        return name
+        return name + ending
     raise BadType(
-        f"mode= is the name of a mode of the map, such as 'drive', or {{'attribute': name}} of an edge attribute, not "
-        f"{shown(value)}."
+        f"mode= is the name of a mode of the map, such as 'drive', or {{'attribute': name}} of an edge attribute, also "
+        f"with 'turns': True, not {shown(value)}."
     )
+
+
+_WITH_TURNS = " with turns"
+
+
+def split_mode(mode: str) -> tuple[str, bool]:
+    """Return the edge attribute of a mode, and whether its agents obey turn restrictions: "drive with turns"."""
+    attribute = mode.removesuffix(_WITH_TURNS)
+    return attribute, attribute != mode
 
 
 def find_usable_edges(columns: GraphColumns, mode: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":
@@ -306,11 +318,13 @@ def find_usable_edges(columns: GraphColumns, mode: str) -> "np.ndarray[Any, np.d
 
     Args:
         columns: the graph.
-        mode: the name of an edge attribute with booleans or numbers, such as the speeds of a mode in km/h.
+        mode: the name of an edge attribute with booleans or numbers, such as the speeds of a mode in km/h; turn
+            restrictions change nothing.
 
     Raises:
         BadValue: a value of the attribute is neither a boolean nor a number.
     """
+    mode, _ = split_mode(mode)
     found = np.zeros(len(columns.edge_ids), np.bool_)
     for row, value in columns.edge_attributes.get(mode, {}).items():
         if not isinstance(value, _MAY_PASS):
@@ -378,8 +392,9 @@ def apply_mode(columns: GraphColumns, mode: str) -> GraphColumns:
 
     Args:
         columns: the graph, with all its edges or with those of the mode.
-        mode: the name of an edge attribute.
+        mode: the name of an edge attribute; turn restrictions, see `split_mode`, change nothing here.
     """
+    mode, _ = split_mode(mode)
     given = columns.edge_attributes
     ending = f":{mode}"
     own = {name.removesuffix(ending): values for name, values in given.items() if name.endswith(ending)}

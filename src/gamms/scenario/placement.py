@@ -11,7 +11,7 @@ from gamms import kernels
 from gamms.arguments import as_member
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, as_mode, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
@@ -117,7 +117,7 @@ def mode_of(team: Team, agent: Agent | None) -> str | None:
     given = team.mode if agent is None or agent.mode is None else agent.mode
     if flies((agent and agent.type) or team.type):
         return None
-    return given.attribute if isinstance(given, ModeAttribute) else given
+    return as_mode({"attribute": given.attribute, "turns": given.turns} if isinstance(given, ModeAttribute) else given)
 
 
 def node_at(ctx: Context, given: Place, path: str) -> int:
@@ -163,7 +163,7 @@ class NodePlaces:
 
     def can_leave(self, mode: str) -> BoolArray:
         """Return a mask (nodes,) of the nodes from which agents of a mode can move."""
-        offsets, _ = self.ctx.graph.routes.select_mode(mode).routes.neighborhoods()
+        offsets, _ = self.ctx.graph.routes.select_mode(split_mode(mode)[0]).routes.neighborhoods()
         found: BoolArray = np.diff(offsets) > 1  # besides the node itself
         return found
 

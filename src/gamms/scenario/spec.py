@@ -172,6 +172,7 @@ class ModeAttribute(_Mapping, frozen=True, kw_only=True):
     """The edge attribute that says which edges may be used: by true or false, or by speeds."""
 
     attribute: Name
+    turns: Annotated[bool, Meta(description="Whether agents obey the turn restrictions of the map.")] = False
 
 
 class AgentKeys(_Mapping, frozen=True, kw_only=True):

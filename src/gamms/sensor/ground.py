@@ -13,7 +13,7 @@ from gamms.arguments import as_float, as_numbers, as_range
 from gamms.core import sight
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
-from gamms.ir.graph import FloatArray, IntArray, as_node_id, as_node_ids
+from gamms.ir.graph import FloatArray, IntArray, as_node_id, as_node_ids, split_mode
 from gamms.ir.positions import Positions
 from gamms.ir.sensor_results import LookResults, SensorView, sensed_arrays
 from gamms.sensor import fov_geometry
@@ -266,7 +266,8 @@ class NeighborSensor(Sensor):
     def _mode(self) -> str | None:
         """Return the mode of the agent that carries the sensor: only edges that it may use lead to neighbors."""
         owner = self.ctx.agent.agents.get(self._owner) if isinstance(self._owner, str) else None
-        return getattr(owner, "mode", None)
+        mode: str | None = getattr(owner, "mode", None)
+        return None if mode is None else split_mode(mode)[0]
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""

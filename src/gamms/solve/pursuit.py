@@ -462,6 +462,8 @@ def _decide_exactly(
     pursuers, _ = _sides_of(view, side)
     if len({mode_of(agent) for agent in view.roster.agents}) > 1:
         raise BadValue("Exact play of a pursuit needs agents that may use the same edges: give all the same mode=.")
+    if view.roster.obey_turns:
+        raise BadValue("Exact play of a pursuit does not know turn restrictions: leave out 'turns' of mode=.")
     columns = view.streets.columns
     is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
     first = side if is_first else 1 - side

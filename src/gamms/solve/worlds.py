@@ -289,8 +289,9 @@ def simulator_of(setup: GameSetup, *, sorts_agents: bool) -> TurnSimulator:
 def _fits_columns(ctx: Context) -> bool:
     """Return whether a batch can continue a game from any of its states, because its columns hold all of a state.
 
-    They hold neither the values of plain functions, nor roads that array rules close, messages under way, and scores or
-    dead agents of the start. Rules before the moves may make actions illegal that were legal before.
+    They hold neither the values of plain functions, nor roads that array rules close, messages under way, the edges
+    that agents have driven, and scores or dead agents of the start. Rules before the moves may make actions illegal
+    that were legal before.
     """
     game: Game = ctx.game
     return not (
@@ -299,6 +300,7 @@ def _fits_columns(ctx: Context) -> bool:
         or game.settings()["channels"]
         or game.scores
         or len(game.agents) < len(ctx.agent.agents)
+        or roster_of(game).obey_turns
     )
 
 
@@ -666,11 +668,13 @@ class ContextSimulator:
         scores = dict(state.scores) if self.with_scores else None
         # an agent that was not asked yet has an empty memory
         memories = [{name: one for name, one in kept.items() if one} for kept in (state.memories, state.team_memories)]
+        find_driven = game.internals.parts.turns.legality.find_driven
+        driven = {name: edges for name in state.driven if name in agents and (edges := find_driven(name))}
         facts = (state.facts, state.agent_facts, state.team_facts)
         map = game.ctx.graph.columns()  # rules may close roads
         roads = map.offsets.tobytes() + map.targets.tobytes()
         roads = b"" if roads == self._roads else roads
-        key = repr(as_sorted((nodes, living, covered, roads, state.data, memories, facts, scores))).encode()
+        key = repr(as_sorted((nodes, living, covered, driven, roads, state.data, memories, facts, scores))).encode()
         return _CapturedState(key, nodes, living, snapshot)
 
     def _read_states(self, moments: "Sequence[_CapturedState]") -> States:

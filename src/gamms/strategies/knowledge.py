@@ -10,14 +10,17 @@ from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
+from gamms import kernels
 from gamms.arguments import as_function_of, as_items
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.array_functions import aims
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.travel import graph_of, usable_graph
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
-from gamms.ir.graph import as_node_id
+from gamms.ir.graph import as_node_id, split_mode
 from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -99,9 +102,87 @@ def legal_nodes(state: State, caller: str) -> Sequence[int]:
 
 
 def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
-    """Return the graph of the edges that an agent may use by its mode; without a mode or a name, the whole graph."""
+    """Return the graph of the edges that an agent may use by its mode; without a mode or a name, the whole graph.
+
+    If the agent obeys turn restrictions, it is `RoutesWithTurns`.
+    """
     agent = ctx.agent.get_agent(state["name"]) if "name" in state else None
-    return graph_of(ctx, getattr(agent, "mode", None))
+    mode = getattr(agent, "mode", None)
+    if mode is None or not split_mode(mode)[1]:
+        return graph_of(ctx, mode)
+    return RoutesWithTurns(ctx, mode, state)
+
+
+class RoutesWithTurns:
+    """The routes of an agent that obeys turn restrictions, as far as shipped strategies ask for them.
+
+    From its own node the agent goes on from the edge by which it came; from other nodes, any edge is legal.
+
+    Args:
+        ctx: the context.
+        mode: the mode of the agent.
+        state: the state of the agent.
+
+    Attributes:
+        graph: the edges that the mode may use.
+        neighborhoods: of this graph.
+        routes: this object.
+    """
+
+    def __init__(self, ctx: IContext, mode: str, state: State) -> None:
+        self.graph = usable_graph(ctx, mode)
+        self.neighborhoods = self.graph.neighborhoods
+        self.routes = self
+        self._turns = split_mode(mode)[0]
+        self._here: int = state["curr_pos"]
+        known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
+        self._driven: tuple[int, ...] = () if known is None else known.list_driven(state)
+
+    def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
+        """Return the ids of the edges on the shortest path; None: there is none."""
+        driven = self._driven if source == self._here else ()
+        try:
+            return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
+        except NoPath:
+            return None
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """Return the length of the shortest path; infinite if there is none."""
+        edges = [] if source == target else self.find_path(source, target, weight)
+        if edges is None:
+            return inf
+        rows = kernels.rows_of(self.graph.columns().edge_ids, np.array(edges, np.int64))
+        return float(self.graph.routes.weights(weight)[rows].sum())
+
+    def shortest_path(
+        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
+    ) -> list[int]:
+        """Return the ids of the nodes on the shortest path, up to `most_edges` edges.
+
+        Raises:
+            NoPath: there is none.
+        """
+        edges = [] if source == target else self.find_path(source, target, weight)
+        if edges is None:
+            raise NoPath(source, target)
+        return [source, *(self.graph.get_edge(edge).target for edge in edges[:most_edges])]
+
+    def nearest(self, source: int, targets: Iterable[int]) -> int | None:
+        """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
+        far = {target: self.distance(source, target) for target in targets}
+        nearest = min(far, key=far.__getitem__, default=None)
+        return None if nearest is None or far[nearest] == inf else nearest
+
+    def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
+        """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
+        targets = self.graph.columns().node_ids.tolist()
+        far = {target: self.distance(source, target, weight) for target in targets}
+        return {target: length for target, length in far.items() if length < inf}
+
+    def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
+        """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
+        far = self.graph.distances(source=[*sources], turns=self._turns)
+        return [far.get(target, inf) for target in targets]
 
 
 def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
@@ -310,6 +391,12 @@ def step_towards(
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
     graph = graph_for(ctx, state)
+    if isinstance(graph, RoutesWithTurns) and target not in legal:
+        try:  # a path may come to nodes again: its first step alone counts
+            first = graph.shortest_path(here, target, most_edges=1)[1]
+        except NoPath:
+            return None
+        return first if is_allowed is None or is_allowed(first) else here
     weight = weight_for(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed

@@ -24,7 +24,7 @@ from gamms.arguments import (
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat, speed_of
-from gamms.ir.graph import as_mode, as_node_id, label_hint
+from gamms.ir.graph import as_mode, as_node_id, label_hint, split_mode
 from gamms.text import as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph, OSMEdge
@@ -73,7 +73,7 @@ def mode_in(ctx: IContext, block: AgentBlock, value: object) -> str | None:
         return known
     mode = as_mode(value)
     if mode is not None:
-        ctx.graph.routes.select_mode(mode)
+        ctx.graph.routes.select_mode(split_mode(mode)[0])
     return mode
 
 

@@ -25,6 +25,7 @@ from gamms.ir.graph import (
     edge_weights,
     find_usable_edges,
     forbidden_paths,
+    split_mode,
 )
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import locked
@@ -658,6 +659,11 @@ class RouteQueries:
         name = as_mode(mode)
         if name is None:
             raise BadType("select_mode needs the name of a mode; without a mode, the graph is ctx.graph.graph.")
+        if split_mode(name)[1]:
+            raise BadValue(
+                "select_mode takes no 'turns': a graph has all edges, whatever edge traffic comes by. Ask it for "
+                "routes with turns, such as select_mode('drive').shortest_path(a, b, turns='drive')."
+            )
         return self._routes.select_mode(name)
 
     def rows(self, nodes: NodeIds) -> IntArray:

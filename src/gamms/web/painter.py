@@ -92,6 +92,7 @@ _QUIET = _UNREAD | {  # kinds of events that change neither rules nor teams nor 
     kinds.GAME_DEED,
     kinds.GAME_BLOCKED,
     kinds.GAME_NAMED_EDGES,
+    kinds.GAME_DRIVEN,
     kinds.GAME_MESSAGE,
 }
 _LEAST = 1e-9

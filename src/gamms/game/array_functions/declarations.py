@@ -18,7 +18,7 @@ from gamms.game.array_functions.aims import Aims
 from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
-from gamms.game.block.columns import AgentTable, decider_of
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
@@ -26,6 +26,7 @@ from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.lasting import DoingReader
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.travel import graph_of
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
@@ -35,6 +36,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
+from gamms.typing.on_edges import located
 
 _CACHE = "array functions"  # the key of `ctx.game.internals.kept`
 _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
@@ -180,7 +182,36 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
         place = block.on_edge(block.row_of(name))
         if place is not None:
             state.movement.put_on(number, place)
+    if roster.obey_turns:
+        state.noted_moves = NotedMoves(state.node.shape)
+        state.is_apart[0] = True
+        note_moves(state, game, 0)
     return state
+
+
+def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
+    """Note the legal nodes and the positions of agents as the context of their game has them.
+
+    Args:
+        state: the state of games, with `noted_moves`.
+        game: the game.
+        number: its number among these games.
+    """
+    moves = state.noted_moves
+    assert moves is not None  # noqa: S101 - see above
+    known = game.ctx.agent.agents
+    names = state.roster.names
+    legal = game.internals.parts.turns.legal([name for name in names if name in known])
+    columns = state.streets.columns
+    block = game.ctx.agent.block
+    for i, name in enumerate(names):
+        node = state.node[number, i]
+        moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
+        moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
+        progress = block.on_edge(block.row_of(name)) if name in known else None
+        place = None if progress is None else located(game.ctx.graph.graph, progress)
+        if place is not None:
+            moves.place(number, i, *place[:3])
 
 
 # -- strategies -------------------------------------------------------------------------------------------------------

@@ -231,6 +231,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         Returns:
             The actions; -1 if there is no path.
         """
+        self._refuse_turns("towards")
         node = self.node[which]
         games, agents = numbers_in(self, which)
         asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
@@ -605,7 +606,16 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
 
         All batches on equal graphs share these tables; tables of other graphs are kept up to 512 MB.
         """
+        self._refuse_turns("routes")
         return self._movement.routes(weight)
+
+    def _refuse_turns(self, call: str) -> None:
+        """Refuse a call whose result does not depend on the edges by which agents came, if agents obey turns."""
+        if self._movement.obey_turns(self.agents):
+            raise BadValue(
+                f"view.{call} does not know turn restrictions, which agents of this view obey. A strategy by states "
+                "that goes to a node does, such as gamms.strategies.goto."
+            )
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.

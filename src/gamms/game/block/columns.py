@@ -17,7 +17,7 @@ from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
 from gamms.game.strategy_specs import key_of, strategy_spec_of
 from gamms.ir.agents import Position
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
@@ -194,6 +194,12 @@ class AgentTable(NamedTuple):
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
         masks = [locked(one) for one in (is_first, is_public, flies)]
         return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
+
+    @property
+    def obey_turns(self) -> bool:
+        """Whether any agent obeys turn restrictions."""
+        modes = [mode_of(agent) for agent in self.agents]
+        return any(mode is not None and split_mode(mode)[1] for mode in modes)
 
     def team_by_name(self) -> dict[str, Hashable]:
         """Return agent -> its team."""

@@ -23,7 +23,7 @@ from gamms.game.movement.legal_moves import Movement, TravelTerms
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
-from gamms.game.slots import COUNTED, refuse_modes
+from gamms.game.slots import COUNTED, refuse_modes, refuse_turns
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
 from gamms.ir.agents import UNTURNED, read_vector, speed_of
@@ -67,6 +67,9 @@ def movement_of(
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
         refuse_modes(settings["legal"])
+        travels = settings["speed_unit"] != "edges" or settings["decide"] == "arrival"
+        each = zip(modes, speeds, strict=True)
+        refuse_turns([mode for mode, speed in each if travels or speed is not None])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":

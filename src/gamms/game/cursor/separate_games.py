@@ -12,6 +12,7 @@ import numpy as np
 
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, UnknownName
+from gamms.game.array_functions.declarations import note_moves
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
 from gamms.game.array_functions.view import ArrayView, asked_view
 from gamms.game.batch_engine import BatchEngine
@@ -26,7 +27,6 @@ from gamms.game.snapshots import Snapshot, renew_state, renew_streams
 from gamms.ir.game_state import in_conflict
 from gamms.text import shown
 from gamms.typing import AgentType
-from gamms.typing.on_edges import located
 
 
 class LooksBefore:
@@ -385,17 +385,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     state.movement.clear(np.array([number]))
     state.put_roads(np.array([number]), _roads_of(state, game))
     state.now.clear()
-    legal = game.internals.parts.turns.legal([name for name in names if name in known])
-    moves = state.noted_moves
-    columns = state.streets.columns
-    for i, name in enumerate(names):
-        node = state.node[number, i]
-        moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
-        moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
-        progress = ctx.agent.block.on_edge(ctx.agent.block.row_of(name)) if name in known else None
-        place = None if progress is None else located(ctx.graph.graph, progress)
-        if place is not None:
-            moves.place(number, i, *place[:3])
+    note_moves(state, game, number)
     if state.flights is not None:
         for row, i in enumerate(state.flyers.tolist()):
             agent: Any = known.get(names[i])

@@ -21,7 +21,7 @@ from gamms.game.movement.roads import ModeEdges, OpenRoads, RoadMap, RoadTables,
 from gamms.game.movement.routes import RouteTable, shared_routes
 from gamms.game.movement.streets import StreetGraph, as_table
 from gamms.game.movement.travel import ReachableNodes, map_of
-from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
@@ -256,6 +256,10 @@ class Movement:
     def modes_of(self, agents: IntArray) -> IntArray:
         """Return the numbers of the modes of agents, each once; none in games without modes."""
         return np.unique(self.mode_of[agents]) if self.modes else np.zeros(0, np.int64)
+
+    def obey_turns(self, agents: IntArray) -> bool:
+        """Return whether any of some agents obeys turn restrictions."""
+        return any(split_mode(self.modes[number - 1])[1] for number in self.modes_of(agents).tolist() if number > 0)
 
     def mode_first(self, agent: int, tables: RoadTables) -> int:
         """Return what is added to `tables.first` for the edges that an agent may use, by its number."""

@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_int, as_known
 from gamms.core import by_edges as core
 from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, graph_of, paths_of_one
+from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, paths_of_one, usable_graph
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
-from gamms.ir.graph import IntArray
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray, forbidden_paths, split_mode
 from gamms.ir.progress import Progress
 from gamms.text import shown
 from gamms.typing.actions import as_node, flight, heading_in
@@ -123,16 +125,19 @@ class Legality:
     Args:
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
+        state: the state of the game, for the edges that agents have driven.
         mode: the edge attribute that says which edges the agents may use; None: those with any mode, see `of`.
 
     Attributes:
         travel: the paths of agents by metres.
     """
 
-    def __init__(self, ctx: HostContext, settings: Settings, mode: str | None = None) -> None:
+    def __init__(self, ctx: HostContext, settings: Settings, state: GameState, mode: str | None = None) -> None:
         self._ctx = ctx
         self._settings = settings
+        self._state = state
         self._mode = mode
+        self._turns: tuple[object, kernels.ForbiddenPaths] | None = None  # with the columns of the graph
         self._of_modes: dict[str, Legality] = {}
         self.travel = Travel(ctx, settings, mode)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
@@ -149,7 +154,7 @@ class Legality:
             return self
         assert mode is not None  # noqa: S101 - agents without a mode ask this object
         if mode not in self._of_modes:
-            self._of_modes[mode] = Legality(self._ctx, self._settings, mode)
+            self._of_modes[mode] = Legality(self._ctx, self._settings, self._state, mode)
             self._of_modes[mode].travel.now = self.travel.now
         return self._of_modes[mode]
 
@@ -159,9 +164,9 @@ class Legality:
             one.travel.now = now
 
     @property
-    def _graph(self) -> Any:  # Any: see `graph_of`
-        """The graph of the edges that the agents may use."""
-        return graph_of(self._ctx, self._mode)
+    def _graph(self) -> Any:  # Any: see `usable_graph`
+        """The graph of the edges that the agents may use, whatever turn restrictions say."""
+        return usable_graph(self._ctx, self._mode)
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move that an action leads to; the path of an agent by metres is then in `travel` of its mode.
@@ -200,6 +205,7 @@ class Legality:
     def _resolve_move(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move toward a node, or along a list of nodes; None: an agent by metres stops."""
         own = self.of(mover)
+        self._keep_driven(mover)
         if mover.travels and action is None:
             return own.travelled(mover, here, None)
         if isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
@@ -215,6 +221,7 @@ class Legality:
                 f"An action names an edge, {edge}, in a game in which agents may move to any node: legal='any'. Agent "
                 f"{shown(mover.name)} names the node: {{'node_id': …}}."
             )
+        self._keep_driven(mover)
         roads = self.travel.roads
         row = roads.on(edge)
         if row is None:
@@ -238,15 +245,99 @@ class Legality:
             return f"it begins on node {source}, and the agent is on node {here}"
         if target == here:
             return f"it leads from node {here} to itself"
+        if edge[2] in self.travel.roads.list_edges(here):
+            return self._why_forbidden(mover, here)
         return f"mode {self._mode!r} may not use it"
 
     def list_edges(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
         """Return the ids of the edges that the action of an agent may name."""
         if mover.flies or self._settings.legal == "any":
             return ()
-        travel = self.of(mover).travel
-        place = travel.place(mover.row) if mover.travels else None
-        return tuple(travel.roads.list_edges(here) if place is None else travel.roads.list_around(place.edge))
+        own = self.of(mover)
+        place = own.travel.place(mover.row) if mover.travels else None
+        return tuple(own._onward(mover, here) if place is None else own.travel.roads.list_around(place.edge))
+
+    # -- turn restrictions ------------------------------------------------------------------------------------------
+
+    def find_driven(self, name: str) -> tuple[int, ...]:
+        """Return the ids of the edges on which an agent has come to its node, as many as matter for its next turn.
+
+        Empty: it obeys no turn restrictions, begins on its node, or was placed there.
+        """
+        block = self._ctx.agent.block
+        row = block.row_of(name)
+        roads = self.travel.roads
+        known = self._state.driven.get(name, ())
+        gone = [place for place, edge in enumerate(known) if roads.on(edge) is None]
+        edges = known[gone[-1] + 1 :] if gone else known
+        if not edges:
+            return ()
+        source, target, _ = roads.edge_ids[roads.edge_rows[edges[-1]]]
+        return edges if (source, target) == (block.previous_of(row), block.node_of(row)) else ()
+
+    def _keep_driven(self, mover: AgentSlot) -> None:
+        """Forget the edges that an agent has driven if they do not lead to its node any more: it begins there."""
+        known = self._state.driven
+        if mover.name in known:
+            driven = self.find_driven(mover.name)
+            known[mover.name] = driven
+            if not driven:
+                del known[mover.name]
+
+    def drive_on(self, mover: AgentSlot, edge: int | None) -> None:
+        """Note that an agent that obeys turn restrictions has moved along an edge."""
+        assert edge is not None  # noqa: S101 - its actions have one
+        driven = self._state.driven
+        driven[mover.name] = self.of(mover)._forbidden.step(driven.get(mover.name, ()), edge) or (edge,)
+
+    @property
+    def _forbidden(self) -> kernels.ForbiddenPaths:
+        """The forbidden sequences of edges, by id."""
+        columns = self._ctx.graph.columns()
+        if self._turns is None or self._turns[0] is not columns:
+            attribute, _ = split_mode(str(self._mode))
+            self._turns = columns, kernels.ForbiddenPaths(forbidden_paths(columns).get(attribute, []))
+        return self._turns[1]
+
+    def _onward(self, mover: AgentSlot, here: int) -> list[int]:
+        """Return the ids of the edges that an agent on a node may take next, in ascending order."""
+        edges = self.travel.roads.list_edges(here)
+        driven = self.find_driven(mover.name) if mover.obeys_turns else ()
+        if not driven:
+            return edges
+        attribute, _ = split_mode(str(self._mode))
+        legal = {*self._ctx.graph.routes.edges_onward(here, driven, turns=attribute)}
+        return [edge for edge in edges if edge in legal]
+
+    def _list_ends(self, mover: AgentSlot, here: int) -> dict[int, list[int]]:
+        """Return node -> the ids of the edges to it that an agent that obeys turn restrictions may take next."""
+        roads = self.travel.roads
+        found: dict[int, list[int]] = {}
+        for edge in self._onward(mover, here):
+            found.setdefault(roads.edge_ids[roads.edge_rows[edge]][1], []).append(edge)
+        return found
+
+    def _why_forbidden(self, mover: AgentSlot, here: int) -> str:
+        """Return why an edge that the mode may use is not legal for an agent that obeys turn restrictions."""
+        edge = self.find_driven(mover.name)[-1]
+        source = self._ctx.agent.block.previous_of(mover.row)
+        return (
+            f"the agent came to node {here} along edge {edge} from node {source}, and a turn restriction forbids it, "
+            "or it leads back, which is legal only where nothing else is"
+        )
+
+    def _obey(self, mover: AgentSlot, here: int, path: list[int]) -> ResolvedAction:
+        """Return the move of an agent that obeys turn restrictions to the next node, along the cheapest legal edge."""
+        ends = self._list_ends(mover, here)
+        if len(path) == 1 and path[0] in ends:
+            edge = self.travel.roads.find_cheapest(ends[path[0]])
+            return ResolvedAction(path[0], (here, path[0]), edge=edge)
+        legal = [*self.reachable(mover, here)]
+        if len(path) == 1 and path[0] in self._graph.neighborhoods[here]:
+            raise BadValue(
+                f"No turn to node {path[0]} is legal: {self._why_forbidden(mover, here)}; legal are {legal}."
+            )
+        raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {legal}.")
 
     def find_edge(self, mode: str | None, source: int, target: int) -> int | None:
         """Return the id of the edge that agents of a mode take between two nodes if their action names none.
@@ -290,6 +381,9 @@ class Legality:
             return own.travel.legal(here, own.travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
+        if mover.obeys_turns:
+            ends = own._list_ends(mover, here)
+            return tuple([node for node in own._graph.neighborhoods[here] if node == here or node in ends])
         return own.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
 
     def _anywhere(self, here: int) -> tuple[int, ...]:
@@ -354,6 +448,8 @@ class Legality:
             return ResolvedAction(here, (here,))
         if self._settings.legal == "any":
             return ResolvedAction(path[-1], (here, *path))
+        if mover.obeys_turns:
+            return self._obey(mover, here, path)
         if mover.speed is None:
             near = self._graph.neighborhoods[here]
             if len(path) > 1 or path[0] not in near:

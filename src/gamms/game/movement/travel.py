@@ -22,7 +22,7 @@ from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Quat
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, apply_mode, edge_weights, find_usable_edges
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, apply_mode, edge_weights, find_usable_edges, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext, IContext
@@ -602,6 +602,10 @@ class RoadMap(PathFinder, RoadIds):
         row = core.cheapest(self.map, row_of[source], row_of[target])
         return None if row < 0 else self.edge_ids[row][2]
 
+    def find_cheapest(self, edges: Sequence[int]) -> int:
+        """Return the id of the cheapest of several edges, the first of equal ones."""
+        return min(edges, key=lambda edge: (self._costs[self.edge_rows[edge]], self.edge_rows[edge]))
+
     def list_edges(self, node: int) -> list[int]:
         """Return the ids of the edges that agents may take from a node to other nodes, in ascending order."""
         row = self._row_of.get(node)
@@ -619,6 +623,7 @@ class RoadMap(PathFinder, RoadIds):
             return []
         back = core.back(self.map, row)
         return sorted([edge] if back < 0 else [edge, self.edge_ids[back][2]])
+
     def join(self, others: Sequence["RoadMap"]) -> core.RoadEdges:
         """Return this map, and those of modes of the same graph behind it, in the form of the core."""
         every = [self, *others]
@@ -671,7 +676,7 @@ class ResolvedAction(NamedTuple):
     position: Position | None = None  # of an agent that flies
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
-    edge: int | None = None  # id of the edge that the action has named
+    edge: int | None = None  # id of the edge that the action has named, or that an agent that obeys turns takes
 
     def is_step(self) -> bool:
         """Return whether the agent stays, or moves along one edge to another node."""
@@ -797,7 +802,7 @@ class Travel(TravelSearch):
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
-        near = graph_of(self._ctx, self._mode).neighborhoods[here]
+        near = usable_graph(self._ctx, self._mode).neighborhoods[here]
         if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
@@ -810,8 +815,22 @@ class Travel(TravelSearch):
 
 
 def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
-    """Return the graph of the edges that the agents of a mode may use; None: the whole graph."""
-    return ctx.graph.graph if mode is None else ctx.graph.routes.select_mode(mode)
+    """Return the graph of the edges that the agents of a mode may use; None: the whole graph.
+
+    Raises:
+        BadValue: the agents obey turn restrictions, which a graph does not know.
+    """
+    if mode is not None and split_mode(mode)[1]:
+        raise BadValue(
+            f"This does not know turn restrictions, and agents with mode= {mode!r} obey them. Shipped strategies that "
+            "go to nodes do: goto, follow_path, patrol, random_waypoints, chase, flee, guard and sweep."
+        )
+    return usable_graph(ctx, mode)
+
+
+def usable_graph(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: as above
+    """Return the graph of the edges that agents of a mode may use, whatever turn restrictions say; None: all edges."""
+    return ctx.graph.graph if mode is None else ctx.graph.routes.select_mode(split_mode(mode)[0])
 
 
 def weigh_edges(ctx: HostContext, weight: str | None, mode: str | None) -> FloatArray:

@@ -1,0 +1,447 @@
+"""Agents that obey turn restrictions: what is legal follows from the edges by which they came."""
+
+import random
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms import belief, rl, solve, strategies
+from gamms.errors import BadType, BadValue
+from gamms.game import IllegalAction
+from gamms.scenario import Scenario, ScenarioError
+
+CAR = {"attribute": "drive", "turns": True}
+SIDE = 4
+
+
+def draw_roads(seed):
+    """Return id -> (source, target, whether cars may use it, forbidden sequences of edges that begin with it)."""
+    draw = random.Random(seed)
+    cells = [divmod(i, SIDE) for i in range(SIDE * SIDE)]
+    near = [
+        (i, j) for i, a in enumerate(cells) for j, b in enumerate(cells) if abs(a[0] - b[0]) + abs(a[1] - b[1]) == 1
+    ]
+    ends = [*near, (5, 6), (6, 5), (9, 5)]  # parallel roads
+    leaving = {node: [id for id, (source, _) in enumerate(ends) if source == node] for node in range(len(cells))}
+    roads = {}
+    for id, (source, target) in enumerate(ends):
+        forbidden = []
+        for after in leaving[target]:
+            if draw.random() < 0.2:
+                forbidden.append([after])
+            elif draw.random() < 0.2:
+                forbidden.append([after, draw.choice(leaving[ends[after][1]])])
+        roads[id] = source, target, draw.random() < 0.95, forbidden
+    return roads
+
+
+def open_town(roads, seed=1):
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes(
+        range(SIDE * SIDE),
+        [10.0 * (i % SIDE) for i in range(SIDE * SIDE)],
+        [10.0 * (i // SIDE) for i in range(SIDE * SIDE)],
+    )
+    for id, (source, target, may_drive, forbidden) in roads.items():
+        signs = {"forbidden_turns": {"drive": forbidden}} if forbidden else {}
+        length = 9.0 if id == len(roads) - 1 else 10.0
+        ctx.graph.add_edge(
+            {
+                "id": id,
+                "source": source,
+                "target": target,
+                "length": length,
+                "drive": may_drive,
+                "on_foot": True,
+                **signs,
+            }
+        )
+    return ctx
+
+
+def list_legal(roads, lengths, history, node):
+    """Return the ids of the legal edges after a history of edges, as docs/maps.md says it."""
+    out = [id for id, (source, _, may_drive, _) in roads.items() if source == node and may_drive]
+    if not history:
+        return out
+
+    def is_free(edge):
+        walk = [*history, edge]
+        return not any(walk[place + 1 :] in roads[first][3] for place, first in enumerate(walk))
+
+    last = history[-1]
+    back = [id for id in out if roads[id][:2] == roads[last][1::-1] and lengths[id] == lengths[last]]
+    return [id for id in out if id not in back and is_free(id)] or [id for id in back if is_free(id)]
+
+
+@pytest.fixture
+def corner():
+    """A context with a road from node 0 over 1 to 2, and one from 1 to 3 into which cars from 0 may not turn."""
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes(range(4), [0.0, 10.0, 20.0, 10.0], [0.0, 0.0, 0.0, 10.0])
+    for id, ends in enumerate([(0, 1), (1, 0), (1, 2), (2, 1), (1, 3), (3, 1)]):
+        signs = {"forbidden_turns": {"drive": [[4]]}} if id == 0 else {}
+        ctx.graph.add_edge({"id": id, "source": ends[0], "target": ends[1], "length": 10.0, "drive": True, **signs})
+    yield ctx
+    ctx.terminate()
+
+
+def follow(*nodes):
+    """Return a strategy that goes to these nodes, one in a turn, and the states in which it decided."""
+    seen = []
+    rest = [*nodes]
+
+    def strategy(state):
+        seen.append((state.turn, state.legal, state.legal_edges))
+        state["action"] = rest.pop(0) if rest else state.curr_pos
+
+    return strategy, seen
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_legal_nodes_and_edges_are_those_of_a_plain_reading_of_the_edges_driven(seed):
+    roads = draw_roads(seed)
+    with open_town(roads) as ctx:
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        history = {"a": [], "b": []}
+        where = {"a": 0, "b": 10}
+        compared = []
+
+        def drive(state):
+            own = history[state.name]
+            assert state.curr_pos == where[state.name]
+            edges = list_legal(roads, lengths, own, state.curr_pos)
+            assert state.legal_edges == tuple(edges)
+            assert {*state.legal} == {state.curr_pos, *(roads[edge][1] for edge in edges)}
+            assert state.legal[0] == state.curr_pos
+            compared.append(len(edges))
+            chosen = state.draw.below(len(edges) + 1)
+            if chosen == len(edges):
+                state["action"] = state.curr_pos
+                return
+            edge = edges[chosen]
+            if state.draw.below(2):
+                state["action"] = {"edge": edge}
+            else:  # the cheapest of parallel edges, then the first
+                state["action"] = roads[edge][1]
+                edge = min((id for id in edges if roads[id][1] == roads[edge][1]), key=lambda one: (lengths[one], one))
+            own.append(edge)
+            where[state.name] = roads[edge][1]
+
+        for name, node in where.items():
+            ctx.agent.create_agent(name, start_node_id=node, mode=CAR, strategy=drive)
+        for _ in range(150):
+            ctx.game.step()
+            for name, own in history.items():
+                if not list_legal(roads, lengths, own, where[name]):  # the signs leave no way: place it elsewhere
+                    where[name] = (where[name] + 7) % (SIDE * SIDE)
+                    ctx.agent.get_agent(name).current_node_id = where[name]
+                    own.clear()
+        assert len(compared) == 300
+        assert sum(compared) > 300
+
+
+def test_waiting_keeps_the_last_edge_and_a_place_by_a_rule_has_none(corner):
+    car, seen = follow(1, 1, 1)
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    for _ in range(3):
+        corner.game.step()
+    assert [legal for _, legal, _ in seen] == [(0, 1), (1, 2), (1, 2)]
+    assert [edges for *_, edges in seen] == [(0,), (2,), (2,)]
+    agent.current_node_id = 3
+    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (3, 1)}
+    agent.current_node_id = 2
+    corner.game.step()
+    agent.current_node_id = 1
+    corner.game.step()
+    assert seen[-1][1:] == ((1, 0, 2, 3), (1, 2, 4))
+
+
+def test_traffic_turns_back_only_where_nothing_else_is_legal(corner):
+    car, seen = follow(1, 2, 1, 3)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    for _ in range(5):
+        corner.game.step()
+    assert [legal for _, legal, _ in seen] == [(0, 1), (1, 2), (2, 1), (1, 0, 3), (3, 1)]
+
+
+@pytest.mark.parametrize("action", [3, {"edge": 4}, [3], {"node_id": 3, "orientation": (1.0, 0.0)}])
+def test_a_forbidden_turn_is_an_illegal_action_whose_error_names_the_turn(corner, action):
+    actions = [1, action]
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR)
+    agent.strategy = lambda state: state.update(action=actions[state["turn"]])
+    corner.game.on_illegal = "raise"
+    corner.game.step()
+    with pytest.raises(IllegalAction, match="along edge 0 from node 0, and a turn restriction forbids it"):
+        corner.game.step()
+    corner.game.on_illegal = "stay"
+    corner.game.step()
+    assert agent.current_node_id == 1
+    assert "turn restriction" in corner.game.errors[0]["message"]
+    agent.strategy = lambda state: state.update(action=2)
+    corner.game.step()
+    assert agent.current_node_id == 2
+
+
+def test_agents_of_other_modes_do_not_know_turns(corner):
+    seen = {}
+    for name, mode in (("plain", None), ("drive", "drive"), ("no", {"attribute": "drive", "turns": False})):
+        strategy, seen[name] = follow(1, 3)
+        corner.agent.create_agent(name, start_node_id=0, mode=mode, strategy=strategy)
+    for _ in range(2):
+        corner.game.step()
+    assert {agent.current_node_id for agent in corner.agent.create_iter()} == {3}
+    assert corner.game.internals.state.driven == {}
+
+
+def test_snapshots_forks_and_resets_keep_the_edges_driven(corner):
+    car, _ = follow(1)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    corner.game.step()
+    legal = corner.game.internals.parts.turns.legal
+    before = corner.game.snapshot()
+    with corner.game.fork(0).ctx as fork:
+        assert fork.game.internals.parts.turns.legal(["car"]) == {"car": (1, 2)}
+    corner.agent.get_agent("car").strategy = lambda state: state.update(action=2)
+    corner.game.step()
+    assert legal(["car"]) == {"car": (2, 1)}
+    corner.game.restore(before)
+    assert legal(["car"]) == {"car": (1, 2)}
+    corner.game.reset()
+    assert legal(["car"]) == {"car": (0, 1)}
+    assert corner.game.internals.state.driven == {}
+
+
+def test_a_resumed_recording_knows_by_which_edge_agents_came(corner, tmp_path):
+    car, _ = follow(1, 1, 2)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    corner.record.start(tmp_path / "game.ggr")
+    for _ in range(3):
+        corner.game.step()
+    corner.record.stop()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        for turn, legal in enumerate([(0, 1), (1, 2), (1, 2), (2, 1)]):
+            with recording.resume(turn) as again:
+                assert again.game.internals.parts.turns.legal(["car"]) == {"car": legal}
+
+
+def test_a_closed_road_behind_an_agent_lets_it_begin_there(corner):
+    car, _ = follow(1)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    corner.game.step()
+    corner.graph.close_roads([0])
+    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (1, 0, 2, 3)}
+    corner.graph.open_roads([0])
+    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (1, 2)}
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    """A folder with the file of a map with restrictions."""
+    folder = tmp_path_factory.mktemp("town")
+    with open_town(draw_roads(7)) as ctx:
+        ctx.graph.save(folder / "town.gamms")
+    return folder
+
+
+def drive_in(folder, strategy="gamms.strategies:random_walk", **more):
+    cars = {"count": 2, "mode": CAR, "strategy": strategy, "sensors": {"near": {"type": "NEIGHBOR"}}}
+    walkers = {"count": 1, "mode": "on_foot", "strategy": "gamms.strategies:random_walk"}
+    return Scenario(
+        map={"file": "town.gamms"}, max_turns=12, teams={"cars": cars, "walkers": walkers}, folder=folder, **more
+    )
+
+
+def test_a_game_in_a_batch_is_the_game_alone(town):
+    scenario = drive_in(town)
+    with scenario.batch(4) as games:
+        games.run()
+        assert len(games.detached) == 4
+        for number, seed in enumerate(games.seeds):
+            alone = scenario.play(seed=seed)
+            assert games.result(number) == alone
+            again = games.context(number)
+            assert again.game.internals.state.driven.keys() == {"cars_0", "cars_1"}
+        games.reset(seeds=[*range(10, 14)])
+        games.run()
+        assert games.result(2) == scenario.play(seed=12)
+        with pytest.raises(BadValue, match="does not know turn restrictions"):
+            games.columns()
+
+
+def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town):
+    pytest.importorskip("gymnasium")
+    env = rl.vector_env(drive_in(town), team="cars", num_games=3, reward=lambda turn: turn.after.node * 0.0 + 1.0)
+    _, infos = env.reset(seed=3)
+    for turn in range(10):
+        mask = infos["action_mask"]
+        assert mask.any(axis=1).all()
+        *_, infos = env.step(mask.shape[1] - 1 - mask[:, ::-1].argmax(axis=1) if turn % 2 else mask.argmax(axis=1))
+    env.close()
+
+
+def test_given_actions_are_legal_by_the_edges_driven(town):
+    with drive_in(town, strategy=None).batch(3) as games:
+        rng = np.random.default_rng(1)
+        with pytest.raises(BadValue, match="legal"):
+            games.step({"cars": np.full((3, 2), 9)})
+        for _ in range(12):
+            legal = games.observe("cars")["legal"]
+            for number in range(3):
+                known = games.context(number).game.internals.parts.turns.legal(["cars_0", "cars_1"])
+                shown = {f"cars_{place}": tuple(row[row >= 0].tolist()) for place, row in enumerate(legal[number])}
+                assert shown == known
+            games.step({"cars": rng.integers(0, (legal >= 0).sum(axis=-1))})
+
+
+GOING = {
+    "goto": lambda ctx, draw: strategies.goto(ctx, draw.randrange(16)),
+    "patrol": lambda ctx, draw: strategies.patrol(ctx, draw.sample(range(16), 3)),
+    "follow": lambda ctx, draw: strategies.follow_path(ctx, draw.sample(range(16), 5)),
+    "waypoints": lambda ctx, _: strategies.random_waypoints(ctx),
+    "walk": lambda _, __: strategies.random_walk,
+    "chase": lambda ctx, _: strategies.chase(ctx),
+    "flee": lambda ctx, _: strategies.flee(ctx),
+    "guard": lambda ctx, draw: strategies.guard(ctx, draw.randrange(16), 30.0),
+    "sweep": lambda ctx, _: strategies.sweep(ctx),
+}
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_shipped_strategies_that_go_to_nodes_make_no_forbidden_turn(seed):
+    roads = draw_roads(seed)
+    draw = random.Random(seed)
+    with open_town(roads, seed) as ctx:
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        for number, (name, make) in enumerate(GOING.items()):
+            agent = ctx.agent.create_agent(
+                name,
+                start_node_id=number,
+                mode=CAR,
+                team="ab"[number % 2],
+                strategy=make(ctx, draw),
+                sensors={"eyes": gamms.sensor.agent_range(range_m=25)},
+            )
+            assert agent.mode == "drive with turns"
+        history = {name: [] for name in GOING}
+        moved = 0
+        for _ in range(40):
+            ctx.game.step()
+            for agent in ctx.agent.create_iter():
+                legs = ctx.game.tracks([agent])[0].legs
+                if legs:
+                    (leg,) = legs
+                    assert leg.edge in list_legal(roads, lengths, history[agent.name], leg.source)
+                    history[agent.name].append(leg.edge)
+                    moved += 1
+        assert moved > 100
+        assert ctx.game.errors == []
+
+
+def test_goto_takes_the_shortest_route_that_obeys_turns(corner):
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.goto(corner, 3))
+    where = []
+    for _ in range(4):
+        corner.game.step()
+        where.append(agent.current_node_id)
+    assert where == corner.graph.shortest_path(0, 3, turns="drive")[1:]
+
+
+@pytest.mark.parametrize(
+    "make", [strategies.intercept, strategies.follow_belief, lambda ctx: strategies.safest_exit(ctx, [2])]
+)
+def test_strategies_that_do_not_know_turns_refuse(corner, make):
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=100)}
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, team="a", strategy=make(corner), sensors=eyes)
+    corner.agent.create_agent("prey", start_node_id=3, team="b", strategy=strategies.stay)
+    with pytest.raises(BadValue, match="does not know turn restrictions"):
+        corner.game.step()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda ctx: setattr(ctx.agent.get_agent("car"), "speed", 2.0), "move along one edge per turn"),
+        (lambda ctx: setattr(ctx.game, "speed_unit", "metres"), "move along one edge per turn"),
+        (lambda ctx: setattr(ctx.game, "legal", "any"), "moves need no edges"),
+    ],
+)
+def test_games_that_do_not_know_turns_refuse_them(corner, change, message):
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.random_walk)
+    change(corner)
+    with pytest.raises(BadValue, match=message):
+        corner.game.step()
+
+
+def test_a_game_is_solved_with_the_edges_that_agents_have_driven(corner, tmp_path):
+    corner.graph.add_node({"id": 4, "x": 100.0, "y": 0.0})
+    corner.graph.save(tmp_path / "corner.gamms")
+    rules = [{"rule": "reach", "with": {"team": "car", "nodes": [3], "score": 1}}]
+    values = {}
+    for obeys in (False, True):
+        car = {"name": "car", "node": 0, "mode": {"attribute": "drive", "turns": obeys}}
+        teams = {"car": {"agents": [car]}, "post": {"agents": [{"name": "post", "node": 4}]}}
+        drive = Scenario(map={"file": "corner.gamms"}, max_turns=6, teams=teams, rules=rules, folder=tmp_path)
+        values[obeys] = solve.solve(drive, discount=0.5).value
+    # by the map 0, 1, 3; by the signs 0, 1, 2, 1, 3
+    assert values[True] == pytest.approx(values[False] * 0.5**2)
+    assert values[True] > 0
+
+
+@gamms.array_strategy
+def last_legal(view):
+    """Go to the last legal node."""
+    return (view["legal"] >= 0).sum(axis=-1) - 1
+
+
+@gamms.array_strategy
+def towards_three(view):
+    return view.towards(np.full(view.node.shape, 3))
+
+
+def test_array_strategies_see_the_legal_nodes_by_the_edges_driven(town):
+    alone = drive_in(town)
+    with alone.batch(3, strategies={"cars": last_legal}) as games:
+        games.run()
+        for number, seed in enumerate(games.seeds):
+            result = alone.play(seed=seed, strategies={"cars": last_legal})
+            assert games.result(number) == result
+            assert not result.errors
+    with pytest.raises(BadValue, match=r"view\.towards does not know turn restrictions"):
+        alone.play(seed=1, strategies={"cars": towards_three})
+
+
+def test_exact_pursuers_refuse_agents_that_obey_turns(corner):
+    corner.game.order = [["cop"], ["prey"]]
+    exact = solve.exact_pursuers(corner)
+    corner.agent.create_agent("a", start_node_id=0, team="cop", mode=CAR, strategy=exact)
+    corner.agent.create_agent("b", start_node_id=2, team="prey", mode=CAR, strategy=strategies.random_walk)
+    with pytest.raises(BadValue, match="does not know turn restrictions"):
+        corner.game.step()
+
+
+def test_beliefs_refuse_agents_that_obey_turns(corner):
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+
+    def watch(state):
+        state["action"] = state.curr_pos
+        belief.observe(corner, state).reachable("car")
+
+    corner.agent.create_agent("watcher", start_node_id=0, team="a", strategy=watch, sensors=eyes)
+    corner.agent.create_agent("car", start_node_id=3, team="b", mode=CAR, strategy=strategies.random_walk)
+    with pytest.raises(BadValue, match="does not know turn restrictions"):
+        corner.game.step()
+
+
+def test_the_mode_says_in_all_forms_that_turns_count(corner, town):
+    assert corner.agent.create_agent("a", start_node_id=0, mode="drive with turns").mode == "drive with turns"
+    assert len({*corner.graph.place(2, mode=CAR)}) == 2
+    with pytest.raises(BadType, match="must be True or False"):
+        corner.agent.create_agent("b", start_node_id=0, mode={"attribute": "drive", "turns": "drive"})
+    with pytest.raises(BadValue, match="select_mode takes no 'turns'"):
+        corner.graph.routes.select_mode(CAR)
+    with drive_in(town).build(seed=1) as ctx:
+        assert ctx.agent.get_agent("cars_0").mode == "drive with turns"
+    with pytest.raises(ScenarioError, match="turns"):
+        Scenario(map={"file": "town.gamms"}, max_turns=2, teams={"a": {"mode": {**CAR, "turns": 3}}}, folder=town)
