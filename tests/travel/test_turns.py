@@ -9,6 +9,7 @@ import gamms
 from gamms import belief, rl, solve, strategies
 from gamms.errors import BadType, BadValue
 from gamms.game import IllegalAction
+from gamms.rules import tag
 from gamms.scenario import Scenario, ScenarioError
 
 CAR = {"attribute": "drive", "turns": True}
@@ -156,6 +157,18 @@ def test_waiting_keeps_the_last_edge_and_a_place_by_a_rule_has_none(corner):
     agent.current_node_id = 1
     corner.game.step()
     assert seen[-1][1:] == ((1, 0, 2, 3), (1, 2, 4))
+
+
+def test_after_a_return_to_its_start_an_agent_begins_there_even_if_it_stood_there(corner):
+    car, seen = follow(2, 1)
+    cop, _ = follow(0, 1)
+    corner.agent.create_agent("car", start_node_id=1, mode=CAR, team="b", strategy=car)
+    corner.agent.create_agent("cop", start_node_id=0, team="a", strategy=cop)
+    corner.game.add(tag("a", "b", then="respawn"))
+    for _ in range(3):
+        corner.game.step()
+    assert corner.game.events[1]["kind"] == "respawned"
+    assert [legal for _, legal, _ in seen] == [(1, 0, 2, 3), (2, 1), (1, 0, 2, 3)]
 
 
 def test_traffic_turns_back_only_where_nothing_else_is_legal(corner):
@@ -437,6 +450,11 @@ def test_beliefs_refuse_agents_that_obey_turns(corner):
 def test_the_mode_says_in_all_forms_that_turns_count(corner, town):
     assert corner.agent.create_agent("a", start_node_id=0, mode="drive with turns").mode == "drive with turns"
     assert len({*corner.graph.place(2, mode=CAR)}) == 2
+    corner.agent.create_team("cars", [0, 2], columns={"mode": [CAR, "drive"]})
+    assert sorted(str(agent.mode) for agent in corner.agent.create_iter() if agent.team == "cars") == [
+        "drive",
+        "drive with turns",
+    ]
     with pytest.raises(BadType, match="must be True or False"):
         corner.agent.create_agent("b", start_node_id=0, mode={"attribute": "drive", "turns": "drive"})
     with pytest.raises(BadValue, match="select_mode takes no 'turns'"):

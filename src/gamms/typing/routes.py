@@ -548,7 +548,7 @@ class RouteQueries:
             weights = self.weights(weight) if own is columns else edge_weights(own, weight)
             return TurnRoutes(columns, weights, is_open, paths.get(mode, []))
 
-        return made_last(self, ("turns", weight), mode, make)
+        return made_last(self, ("turns", weight, mode), None, make)
 
     def _driven(self, row: int, driven: Sequence[int]) -> list[int]:
         """Return the rows of edges that were driven to a node."""
