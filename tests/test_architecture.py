@@ -172,7 +172,7 @@ def test_completion_sees_every_package_that_type_checkers_see():
         for alias in line.names
     }
     folders = {path.parent.name for path in PACKAGES if path.parent.parent == SRC}
-    assert folders - {"cli", "demo", "ir", "kernels"} <= typed <= set(dir(gamms))
+    assert folders - {"cli", "demo", "ir", "kernels", "knowledge"} <= typed <= set(dir(gamms))
     assert all(getattr(gamms, name) is not None for name in typed)
 
 

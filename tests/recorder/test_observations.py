@@ -10,7 +10,7 @@ import gamms
 from gamms import recorder
 from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
-from gamms.recorder import sensed
+from gamms.knowledge import looks as sensed
 from gamms.sensor import SensorType
 
 QUIET = {"level": "CRITICAL"}

@@ -20,8 +20,8 @@ from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, KEPT, SAVED, GameState
-from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Memo
+from gamms.knowledge.sides import select_heard
 from gamms.plain import ARRAY_OF_ONE, NAME, at, dict_of, refuse_misfit
 from gamms.readonly import NotPickled
 from gamms.text import shown
@@ -757,7 +757,7 @@ def copy_known(
     state.data.update(copied(start.data, memo))
     state.copy_logs(known.snapshot.part("logs"))
     state.put_known(source.state, names, teams)
-    state.messages = _heard(source.state, names)
+    state.messages = list(select_heard(source.state.messages, names, source.state.turn + 1))
     for log in ("errors", "deeds"):
         setattr(state, log, [dict(entry) for entry in getattr(source.state, log) if entry.get("agent") in names])
     state.began = {name: place for name, place in known.starts.items() if name in names}
@@ -783,16 +783,3 @@ def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
             _put_in(values[key], value)
         else:
             values[key] = value
-
-
-def _heard(state: GameState, names: frozenset[str]) -> list[dict[str, Any]]:
-    """Return the messages that agents have sent or heard, without their outcomes for other agents and later turns."""
-    known = []
-    now = state.turn + 1
-    for entry in state.messages:
-        heard = {
-            key: {name: turn for name, turn in entry[key].items() if name in names and turn <= now} for key in ARRIVALS
-        }
-        if entry["sender"] in names or any(heard.values()):
-            known.append({**entry, **heard, "lost": [], "jammed": []})
-    return known

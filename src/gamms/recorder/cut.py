@@ -17,16 +17,17 @@ from gamms.ir import events as kinds
 from gamms.ir.events import DECISIONS, EVENTS, MOVES, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
-from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import Audience
+from gamms.knowledge import looks as sensed
+from gamms.knowledge.looks import Look, Nearest, Sighting
+from gamms.knowledge.sides import find_receivers, select_heard
 from gamms.plain import Plain
-from gamms.recorder import keyframes, sensed
+from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
-from gamms.recorder.sensed import Look, Nearest, Sighting
 from gamms.text import as_text
 
 _Event = tuple[int, Any]
@@ -229,22 +230,10 @@ class KnowledgeFilter:
         if "deeds" in of:
             history["deeds"] = [deed for deed in of["deeds"] if deed["agent"] in self._own]
         if "messages" in of:
-            history["messages"] = list(self._heard(of["messages"]))
+            history["messages"] = list(select_heard(of["messages"], self._own, self._all.game.turn))
         if "starts" in of:
             history["starts"] = self._of_own(of["starts"])
         return packed | history
-
-    def _heard(self, entries: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-        """Yield the messages that the own agents sent or have received, without unknown details."""
-        for entry in entries:
-            heard = self._heard_until(entry, self._all.game.turn)
-            if entry["sender"] in self._own or any(heard.values()):
-                yield {**entry, **heard, "lost": [], "jammed": []}
-
-    def _heard_until(self, entry: Mapping[str, Any], turn: float) -> dict[str, dict[str, int]]:
-        return {
-            key: {name: at for name, at in entry[key].items() if name in self._own and at <= turn} for key in ARRIVALS
-        }
 
     def _game(self) -> GameState:
         """Return the part of the game state that the own agents know."""
@@ -353,9 +342,9 @@ class KnowledgeFilter:
         """Yield a message of the own agents now, and messages of others in the turns in which they arrive."""
         own = {**data, "lost": [], "jammed": []}
         if data["sender"] in self._own:
-            yield kind, own | self._heard_until(data, np.inf)
+            yield kind, own | find_receivers(data, self._own, np.inf)
             return
-        heard = self._heard_until(data, np.inf)
+        heard = find_receivers(data, self._own, np.inf)
         for turn in sorted(set(chain.from_iterable(each.values() for each in heard.values()))):
             now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
             self._later.setdefault(self._turn + max(turn - data["turn"], 0), []).append((kind, own | now))

@@ -24,8 +24,9 @@ from gamms.ir.events import (
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
+from gamms.knowledge import looks as sensed
 from gamms.plain import Plain
-from gamms.recorder import keyframes, maps, sensed
+from gamms.recorder import keyframes, maps
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, reporting_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader

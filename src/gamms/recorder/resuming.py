@@ -15,9 +15,10 @@ from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
+from gamms.knowledge import looks as sensed
 from gamms.plain import ID, NUMBER, TEXT, dict_of, either, refuse_misfit, tuple_of
 from gamms.plugins import Registry
-from gamms.recorder import keyframes, sensed
+from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, reporting_damage
 from gamms.recorder.replaying import Replayer

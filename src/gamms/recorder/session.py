@@ -16,8 +16,9 @@ from gamms.deciding import phase_of
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
+from gamms.knowledge import looks as sensed
 from gamms.plain import Plain
-from gamms.recorder import keyframes, sensed
+from gamms.recorder import keyframes
 from gamms.recorder.changes import ContextChanges, DrawingChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged

@@ -14,12 +14,12 @@ from gamms.ir.graph import IntArray
 from gamms.ir.messages import MESSAGE_COLUMNS, message_table
 from gamms.ir.schema import ON_EDGES
 from gamms.ir.tables import table_of
+from gamms.knowledge.looks import looks_of, seen_by
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
-from gamms.recorder.sensed import looks_of, seen_by
 from gamms.text import reason, shown
 
 Table = dict[str, np.ndarray[Any, Any]]

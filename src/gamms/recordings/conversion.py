@@ -16,13 +16,13 @@ from gamms.context import Context, create_context
 from gamms.errors import BadValue
 from gamms.folders import whole_file, write_csv
 from gamms.ir import events as kinds
+from gamms.knowledge.looks import packed
 from gamms.plain import Plain, as_json, to_plain
 from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder import open as opened
 from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.sensed import packed
 from gamms.recorder.streams import format_of, named, readable
 from gamms.recorder.tracks import checked_seconds
 from gamms.typing.actions import known_node

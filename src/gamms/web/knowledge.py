@@ -19,9 +19,9 @@ from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
+from gamms.knowledge.looks import Look, looks_of, parts_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
-from gamms.recorder.sensed import Look, looks_of, parts_of
 from gamms.text import as_digits, as_text
 from gamms.typing import IAgent, ISensor
 from gamms.typing.context import HostContext

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import GraphColumns
+from gamms.knowledge.looks import Nearest, nearest_on
 from gamms.recorder.cut import KnowledgeFilter, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.columns import MAGIC, frame
 from gamms.web.links import Audience, PartOfServer
 from gamms.web.pages import drawn_header
