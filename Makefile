@@ -21,7 +21,7 @@ demo: $(VENV)/.demo
 test: $(VENV)/.dev
 	@$(BIN)/gamms --version
 	$(BIN)/python -m pytest -q -n 3 --dist worksteal
-	GAMMS_CORE=python $(BIN)/python -m pytest -q -n 3 --dist worksteal -m law $(LAWS)
+	GAMMS_CORE=python GAMMS_BRIEF=1 $(BIN)/python -m pytest -q -n 3 --dist worksteal -m law $(LAWS)
 
 # The core with checks of bounds, then with the sanitizers of gcc or clang for addresses and undefined behavior.
 test-core: $(VENV)/.dev

@@ -29,6 +29,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what ru
 gc.disable()  # until all tests are collected
 gc.set_threshold(20_000)  # thirty times as seldom as usual: most of what is looked through is no garbage
 
+SLOWEST = ("release/test_build.py", "tournament/test_tournaments.py", "tournament/test_entries.py", "web/test_live.py")
+
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=20)  # none is about time, or luck
 settings.load_profile("gamms")
 if hasattr(providers, "is_local_module_file"):  # else examples follow from all constants in all modules loaded so far
@@ -37,10 +39,14 @@ if hasattr(providers, "is_local_module_file"):  # else examples follow from all 
 
 @pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
 def pytest_collection_modifyitems(items):
-    """Mark all laws, and leave out what needs a compiled core where it is interpreted.
+    """Begin with the slowest files, mark all laws, and leave out what needs a compiled core where it is interpreted.
 
-    Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1.
+    Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1, and half as many where
+    GAMMS_BRIEF is 1: the second run of `make test`, by the interpreted core, only has to find what differs from the first.
     """
+    items.sort(
+        key=lambda item: not any(map(item.path.match, SLOWEST))
+    )  # or a process would be left alone with one of them
     laws = [item for item in items if is_hypothesis_test(getattr(item, "function", None))]
     for item in laws:
         item.add_marker(pytest.mark.law)
@@ -48,11 +54,13 @@ def pytest_collection_modifyitems(items):
         for item in items:
             if item.get_closest_marker("compiled"):
                 item.add_marker(pytest.mark.skip("gamms.core is interpreted"))
-    if os.environ.get("GAMMS_THOROUGH") == "1":
+    is_thorough, is_brief = (os.environ.get(name) == "1" for name in ("GAMMS_THOROUGH", "GAMMS_BRIEF"))
+    if is_thorough or is_brief:
         for law in {item.function for item in laws}:
             given = law._hypothesis_internal_use_settings
-            more = settings(given, max_examples=10 * given.max_examples, derandomize=False)
-            law._hypothesis_internal_use_settings = more
+            count = 10 * given.max_examples if is_thorough else (given.max_examples + 1) // 2
+            chosen = settings(given, max_examples=count, derandomize=given.derandomize and not is_thorough)
+            law._hypothesis_internal_use_settings = chosen
 
 
 def pytest_collection_finish():
