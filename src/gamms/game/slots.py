@@ -514,8 +514,8 @@ def refuse_turns(modes: Sequence[str | None]) -> None:
         if mode is not None and split_mode(mode)[1]:
             raise BadValue(
                 f"Agents have mode= {mode!r}, and agents that obey turn restrictions move along one edge per turn: "
-                "leave out speed=, and leave ctx.game.speed_unit='edges' and decide='turn'. Agents with a speed may follow a route that "
-                "obeys, from ctx.graph.shortest_path(a, b, turns='drive')."
+                "leave out speed=, and leave ctx.game.speed_unit='edges' and ctx.game.decide='turn'. Agents with a "
+                "speed may follow a route that obeys, from ctx.graph.shortest_path(a, b, turns='drive')."
             )
 
 
