@@ -843,11 +843,6 @@ class CoreGames:
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
-    def have_decided(self, game: int, part: int) -> BoolArray:
-        """Return a mask of the agents of a game that have decided in a turn until a part of it, (agents,)."""
-        found: BoolArray = (self._block.takes_part[game] > 0) & (self.part_of <= part)
-        return found
-
     def enter(self, game: int, agent: int, start: int | Position, node: int, *, after_moves: bool) -> None:
         """Add an agent to a game, before or after the moves of the turn.
 

@@ -469,7 +469,9 @@ class ShownGame(GamesInContext):
 
     def _show_counts(self) -> None:
         """Show how often sensors have looked before agents move: once, if their owners have decided."""
-        have_looked = self._core.have_decided(self._pointed.number, self.part or 0)
+        part = self.part or 0
+        _, _, took_part = self._core.next_moves(np.array([self._pointed.number]), part)
+        have_looked = took_part[0] & (self._core.part_of <= part)
         for sensor, name in self.cached.counting:
             has_looked = have_looked[self.number_of[name]]
             sensor.notice.go_to({name: (self._values.turn, 1)} if has_looked else {})
