@@ -434,16 +434,56 @@ def test_exact_pursuers_refuse_agents_that_obey_turns(corner):
         corner.game.step()
 
 
-def test_beliefs_refuse_agents_that_obey_turns(corner):
+@pytest.mark.parametrize("seed", range(3))
+def test_where_an_agent_can_be_follows_from_the_edges_that_it_can_have_driven(seed):
+    roads = draw_roads(seed)
+    with open_town(roads, seed) as ctx:
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        watcher = ctx.agent.create_agent("watcher", start_node_id=5, team="a")
+        watcher.register_sensor("eyes", ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=11.0))
+        car = ctx.agent.create_agent("car", start_node_id=6, team="b", mode=CAR, strategy=strategies.random_walk)
+        known = {(node, ()) for node in range(SIDE * SIDE)}
+        in_view = {4, 5, 6, 1, 9}
+        sizes = set()
+
+        def watch(state):
+            nonlocal known
+            state["action"] = state.curr_pos
+            seen = state.sensors["eyes"]
+            if state.turn:
+                for node, driven in [*known]:
+                    for edge in list_legal(roads, lengths, [*driven], node):
+                        known.add((roads[edge][1], (*driven, edge)[-2:]))
+            if "car" in seen:
+                known = {(seen["car"], ())}
+            known = {(node, driven) for node, driven in known if node not in in_view or "car" in seen}
+            known = known or {(node, ()) for node in range(SIDE * SIDE) if node not in in_view}
+            found = belief.observe(ctx, state).reachable("car")
+            assert found == {node for node, _ in known}
+            assert car.current_node_id in found
+            sizes.add(len(found))
+
+        watcher.strategy = watch
+        for _ in range(25):
+            ctx.game.step()
+        assert ctx.game.errors == []
+        assert len(sizes) > 3
+
+
+def test_beliefs_about_agents_that_obey_turns_have_no_probabilities_and_no_speeds(corner):
+    asked = [lambda found: found.probability("car"), lambda found: found.reachable("car", speed=2.0)]
     eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
 
     def watch(state):
         state["action"] = state.curr_pos
-        belief.observe(corner, state).reachable("car")
+        asked[0](belief.observe(corner, state))
 
     corner.agent.create_agent("watcher", start_node_id=0, team="a", strategy=watch, sensors=eyes)
     corner.agent.create_agent("car", start_node_id=3, team="b", mode=CAR, strategy=strategies.random_walk)
     with pytest.raises(BadValue, match="does not know turn restrictions"):
+        corner.game.step()
+    del asked[0]
+    with pytest.raises(BadValue, match="move along one edge per turn"):
         corner.game.step()
 
 

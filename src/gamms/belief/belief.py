@@ -27,12 +27,12 @@ from gamms.belief.evidence import (
 from gamms.belief.filter import by_node
 from gamms.belief.ground import BeliefMap, belief_map_of
 from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random_walk
-from gamms.belief.reach import ReachBounds
+from gamms.belief.reach import ReachBounds, ReachByTurns
 from gamms.context import Context
 from gamms.core import belief as core
-from gamms.errors import TooLarge
+from gamms.errors import BadValue, TooLarge
 from gamms.game.movement.travel import graph_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IAgent
 from gamms.typing.game import AerialState, State
@@ -54,8 +54,9 @@ Found = tuple[int, int, float]  # row of a node, row of the end of the edge, met
 _UNSEEN: Found = (core.IS_UNSEEN, core.IS_ANYWHERE_ON_NODE, 0.0)
 _NOTHING: tuple[IntArray, FloatArray] = (np.zeros(0, np.int64), np.zeros(0))  # that a look covers
 
-Moving = Callable[[FloatArray, int], FloatArray]  # to a turn
-Looking = Callable[[FloatArray, int, list[Observation]], FloatArray]  # in a turn
+StateArray = np.ndarray[Any, Any]  # (targets, states)  numbers, or whether a target can be in a state
+Moving = Callable[[StateArray, int], StateArray]  # to a turn
+Looking = Callable[[StateArray, int, list[Observation]], StateArray]  # in a turn
 
 # By map, which contexts share with their forks: planners compute beliefs in a new fork each turn.
 _worked_out: WeakKeyDictionary[BeliefMap, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
@@ -157,6 +158,9 @@ class Belief:
         for has_pace, mode in dict.fromkeys(kinds):
             lines = [line for line, kind in enumerate(kinds) if kind == (has_pace, mode)]
             names = tuple(targets[line] for line in lines)
+            if mode is not None and split_mode(mode)[1]:
+                found[lines] = self._reached_with_turns(names, split_mode(mode)[0], has_pace=has_pace)
+                continue
             speeds = [(paces[line] or 0.0) * turns for line in lines]
             labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), mode, has_pace and in_metres)
             found[lines] = labels > -np.inf
@@ -184,6 +188,27 @@ class Belief:
         key = ("reach", ground.digest, targets, speeds, in_metres, are_on_edges, is_free, closed)
         labels = self._folded(key, reach.anywhere(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
+
+    def _reached_with_turns(self, targets: tuple[str, ...], mode: str, *, has_pace: bool) -> BoolArray:
+        """Return the nodes (targets, nodes) that targets can have reached who obey the turn restrictions of a mode.
+
+        Where roads were closed meanwhile, other turns were legal: then restrictions exclude nothing.
+        """
+        if has_pace:
+            raise BadValue("Agents that obey turn restrictions move along one edge per turn: leave out speed=.")
+        if any(seen.closed for seen in self._turns.values()):
+            return self._reached(targets, [1.0] * len(targets), mode, in_metres=False) > -np.inf
+        ground = belief_map_of(self._ctx.graph.columns())
+        reach = ReachByTurns(ground, len(targets), mode)
+
+        def move(states: BoolArray, _: int) -> BoolArray:
+            return reach.advance(states)
+
+        def look(states: BoolArray, _: int, seen: list[Observation]) -> BoolArray:
+            return reach.observe(states, seen, targets)
+
+        key = ("reach with turns", ground.digest, targets, mode)
+        return reach.find_nodes(self._folded(key, reach.anywhere(), move, look))
 
     # -- probable positions
     # -----------------------------------------------------------------------------------------
@@ -243,7 +268,7 @@ class Belief:
         start = np.tile(chain.shares / ground.size, (len(names), 1))
         return chain.of_nodes(self._folded(key, start, move, look))
 
-    def _folded(self, key: object, start: FloatArray, move: Moving, look: Looking) -> FloatArray:
+    def _folded(self, key: object, start: StateArray, move: Moving, look: Looking) -> StateArray:
         """Apply turns and observations to a start state, continuing from the last cached turn.
 
         The cache key of a turn is a digest of everything before it, so that cached results never become invalid.

@@ -17,7 +17,8 @@ from gamms import kernels
 from gamms.belief.evidence import ExactPosition, Observation, ObservedNodes
 from gamms.belief.ground import Arc, BeliefMap
 from gamms.core import belief as core
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, find_usable_edges, forbidden_paths
+from gamms.ir.obstacles import BoolArray
 
 _ROUNDED = 1e-6  # of metres: tolerance for the distance that an agent was seen to move
 _LITTLE = 1e-9  # metres: a positive speed, so that edges of length 0 can be passed without a speed
@@ -125,6 +126,79 @@ def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _Ope
         np.maximum.at(most, sources, costs)
     ways = core.IncomingArcs(*kernels.ways_to(sources, targets, costs, ground.size))
     return _OpenEdges(ways, most, 1.0 + float(costs.sum()))
+
+
+class ReachByTurns:
+    """The states of traffic, (targets, states) masks, that targets who obey turn restrictions can be in.
+
+    They move along one edge per turn. The states are those of `kernels.turn_states`, and then one for each node: an
+    agent there may take any edge, because it begins there, or it is not known by which edge it came. So a sighting
+    says on which node a target is, and nothing of the edge by which it came.
+
+    Args:
+        ground: the map.
+        number: the number of targets.
+        mode: the edge attribute that says which edges they may use, and the mode whose turn restrictions they obey.
+    """
+
+    def __init__(self, ground: BeliefMap, number: int, mode: str) -> None:
+        self._ground = ground
+        self._number = number
+        states = _turn_states_of(ground, mode)
+        columns = ground.columns
+        edges = np.flatnonzero(find_usable_edges(columns, mode))
+        self._first = len(states.edges)  # the state of traffic that begins on the first node
+        self._node_of = np.concatenate((columns.targets[states.edges], np.arange(ground.size)))
+        self._starts = np.concatenate((states.starts, self._first + columns.sources[edges]))
+        self._ends = np.concatenate((states.ends, edges))
+
+    def anywhere(self) -> BoolArray:
+        """Return the states of targets that can be on any node."""
+        found = np.zeros((self._number, len(self._node_of)), np.bool_)
+        found[:, self._first :] = True
+        return found
+
+    def advance(self, states: BoolArray) -> BoolArray:
+        """Return the states after the moves of a turn."""
+        found = states.copy()
+        for line in range(len(states)):
+            found[line, self._ends[states[line, self._starts]]] = True
+        return found
+
+    def observe(self, states: BoolArray, seen: list[Observation], targets: tuple[str, ...]) -> BoolArray:
+        """Return the states after the observations of a turn."""
+        states = self.anywhere() if any(one.closed is None for one in seen) else states.copy()
+        found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
+        for line, name in enumerate(targets):
+            row = found.get(name)
+            is_clear = np.zeros(self._ground.size, np.bool_)
+            for look in (look for one in seen for look in one.looks if row is None and name not in look.not_shown):
+                is_clear[_certain_rows(self._ground, look)] = True
+            states[line] &= ~is_clear[self._node_of]
+            if row is not None:
+                states[line] = False
+                states[line, self._first + row if row >= 0 else np.s_[self._first :]] = True
+            elif not states[line].any():  # it was moved by something unknown here
+                states[line, self._first :] = ~is_clear
+        return states
+
+    def find_nodes(self, states: BoolArray) -> BoolArray:
+        """Return the nodes where targets can be, (targets, nodes)."""
+        found = np.zeros((len(states), self._ground.size), np.bool_)
+        lines, places = np.nonzero(states)
+        found[lines, self._node_of[places]] = True
+        return found
+
+
+@lru_cache(maxsize=8)
+def _turn_states_of(ground: BeliefMap, mode: str) -> kernels.TurnStates:
+    """Return the states of traffic of a mode that obeys the turn restrictions of a map."""
+    columns = ground.columns
+    row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
+    paths = forbidden_paths(columns).get(mode, [])
+    forbidden = kernels.ForbiddenPaths(tuple(row_of[id] for id in path) for path in paths)
+    is_open = find_usable_edges(columns, mode)
+    return kernels.turn_states(columns.sources, columns.targets, columns.lengths, is_open, forbidden)
 
 
 def _certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:
