@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import (
+    Conflicts,
     arrive,
+    by_priority,
+    capture_flag,
     contacts,
     discover,
     hold,
@@ -238,11 +241,12 @@ RULES = [
 ]
 
 
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 15}, "goal": 9, "teams": ["blue", DRONES]}}
 HOLD = {"rule": "hold", "with": {"nodes": [5, 6], "turns": 3, "teams": DRONES}}
 CATCH = {"rule": "tag", "with": {"taggers": "blue", "tagged": {"team": "red", "names": ["d2"]}, "ends": True}}
 
 
-@pytest.mark.parametrize("first", [[], [HOLD], [CATCH]])
+@pytest.mark.parametrize("first", [[], [HOLD], [CATCH], [FLAGS]])
 def test_a_game_with_roles_in_a_batch_is_the_game_alone(first):
     scenario = Scenario(**SCENE, rules=[*first, *RULES])
     with scenario.batch(seeds=range(12)) as games:
@@ -267,6 +271,51 @@ def test_attributes_that_a_rule_changes_in_a_batch_count_in_their_game_only():
         with ctx.game.batch(8) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert_as_alone(games, alone)
+
+
+def test_only_agents_with_the_role_take_flags_and_bring_them_home(road):
+    ctx = road(
+        truck=("red", 2, 3, 4, 3, 2, 1, 0), car=("red", 2, 3, 4, 4, 3, 2, 1, 0), foe=("blue", 4, 3, 2, 1, 0, 1, 2, 3, 4)
+    )
+    ctx.game.add(capture_flag({"red": 0, "blue": 4}, goal=None, teams=[{"team": "red", "names": ["car"]}]))
+    result = ctx.game.run(9)
+    assert [(one["kind"], one["agent"]) for one in result.events] == [("take", "car"), ("capture", "car")]
+    assert result.scores == {"red": 1}
+
+
+PRIORITIES = [[TRUCK, "blue", "red"], ["blue", DRONES, "red"], [DRONES, {"team": "blue", "names": ["b"]}, "red"]]
+
+
+@pytest.mark.parametrize(("order", "winner"), [*zip(PRIORITIES, ["truck", "b", "d"], strict=True)])
+def test_roles_have_priorities_of_their_own_in_conflicts(road, order, winner):
+    ctx = road(truck=("red", 3, 4), b=("blue", 5, 4))
+    ctx.agent.create_agent("d", start_node_id=3, team="red", kind="drone", strategy=lambda s: s.update(action=4))
+    ctx.game.conflicts = Conflicts(capacity=1, resolve=by_priority(order))
+    ctx.game.step()
+    assert [agent.name for agent in ctx.game.agents if agent.current_node_id == 4] == [winner]
+
+
+def test_priorities_name_what_they_lack_or_have_twice(road):
+    for twice in (["red", "red"], [TRUCK, "red", TRUCK]):
+        with pytest.raises(BadValue, match="twice"):
+            by_priority(twice)
+    for order in ([TRUCK, "blue"], [DRONES, "blue"]):
+        ctx = road(car=("red", 3, 4), b=("blue", 5, 4))
+        ctx.game.conflicts = Conflicts(capacity=1, resolve=by_priority(order))
+        with pytest.raises(MissingKey, match="team 'red' of agent 'car'"):
+            ctx.game.step()
+
+
+@pytest.mark.parametrize("order", [[TRUCK, "blue", "red"], [DRONES, "blue", "red"]])
+def test_priorities_of_roles_in_a_file_are_those_of_a_batch(order):
+    scenario = Scenario(**SCENE, conflicts={"capacity": 1, "resolve": {"by_priority": order}})
+    with scenario.batch(seeds=range(4)) as games:
+        games.run(warn=False)
+        assert_as_played(games, scenario)
+    with pytest.raises(ScenarioError, match="has no agent 'trock'"):
+        scenario.replace(**{"conflicts.resolve.by_priority": [{"team": "red", "names": ["trock"]}, *order]}).check()
+    with pytest.raises(ScenarioError, match="leaves out team 'red'"):
+        scenario.replace(**{"conflicts.resolve.by_priority": ["blue"]}).check()
 
 
 @pytest.mark.parametrize(

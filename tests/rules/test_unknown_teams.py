@@ -59,6 +59,7 @@ MENTIONED = [
     discover(3, teams=["red", "green"]),
     respawn(teams="green"),
     resource("fuel", 3, teams=["green"]),
+    capture_flag({"red": 3}, teams="green"),
 ]
 
 
@@ -237,6 +238,6 @@ def test_teams_of_any_kind_are_told_how_they_may_come_later(ctx):
 def test_annotations_say_which_parameters_name_teams():
     assert team_parameters(tag) == {"taggers": TEAMS, "tagged": TEAMS}
     assert team_parameters(reach) == {"team": TEAMS, "winner": TEAMS}
-    assert team_parameters(capture_flag) == {"flags": OWNERS}
+    assert team_parameters(capture_flag) == {"flags": OWNERS, "teams": TEAMS}
     assert team_parameters(time_limit) == {"winner": TEAMS}
     assert team_parameters(last_team) == {}

@@ -5,15 +5,17 @@ Both work in `ctx.game` and in batches. `Conflicts` itself is in `game/conflicts
 """
 
 from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from typing import Any
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_key, shown_as_called
+from gamms.arguments import shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game.conflicts import Contest, Rank, Ranking, Resolver
+from gamms.game.roles import Role, as_team_or_role, get_team, has_attributes, is_among
 from gamms.text import shown
-from gamms.typing.game import Move
+from gamms.typing.game import Member, Move
 
 
 @shown_as_called
@@ -35,17 +37,18 @@ def by_rank(rank: Rank) -> Resolver:
 
 
 @shown_as_called
-def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -> Resolver:
+def by_priority(teams_or_key: Sequence[Member] | Callable[[BaseAgent], Any]) -> Resolver:
     """Make a resolver that lets agents win in order of priority; ties go to the first name.
 
     Args:
-        teams_or_key: the teams in order of priority. Or a function that is called with an agent: the smallest values
-            win.
+        teams_or_key: the teams and roles in order of priority; the first one counts that an agent belongs to. Or a
+            function that is called with an agent: the smallest values win.
 
     Raises:
         BadType: neither a list of teams nor a function. During resolution: values that cannot be compared.
-        BadValue: the list is empty, or has a team twice.
-        MissingKey (KeyError): when a turn begins, the team of a living agent on the ground is not in the list.
+        BadValue: the list is empty, or has a team or role twice.
+        MissingKey (KeyError): when a turn begins, the team of a living agent on the ground is not in the list. With
+            roles, when an agent is in a conflict that has none of them.
     """
     if callable(teams_or_key):
         return _by_key(teams_or_key)
@@ -54,7 +57,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
             "by_priority needs a list of teams, the first to win first, or a function of an agent, "
             f"not {shown(teams_or_key)} ({type(teams_or_key).__name__})."
         )
-    return _by_team(list(teams_or_key))
+    return _by_member(list(teams_or_key))
 
 
 @shown_as_called
@@ -78,19 +81,36 @@ def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
     return by_priority
 
 
-def _by_team(teams: list[Hashable]) -> Resolver:
-    ranks = {as_key(team, "A team"): rank for rank, team in enumerate(teams)}
-    for team in ranks:
-        if teams.count(team) > 1:
-            raise BadValue(f"by_priority lists team {shown(team)} twice: {shown(teams)}.")
-    if not ranks:
+def _by_member(given: list[Any]) -> Resolver:
+    """Return a resolver by teams and roles; one by attributes, which may change, looks at the agents each time."""
+    members = [as_team_or_role(one) for one in given]
+    for number, member in enumerate(members):
+        if member in members[:number]:
+            raise BadValue(f"by_priority lists {_name_member(member)} twice: {shown(given)}.")
+    if not members:
         raise BadValue("by_priority needs at least one team.")
 
-    def rank_of(name: str, team: Hashable) -> int:
-        if team not in ranks:
-            raise MissingKey(
-                f"by_priority does not list team {shown(team)} of agent {name!r}. Put it into the list {shown(teams)}."
-            )
-        return ranks[team]
+    def rank(name: str, team: Hashable, belongs: Callable[[Hashable], bool]) -> int:
+        for number, member in enumerate(members):
+            if belongs(member):
+                return number
+        raise MissingKey(
+            f"by_priority does not list team {shown(team)} of agent {name!r}. Put it into the list {shown(given)}."
+        )
 
-    return Ranking(rank_of, of_team=True)
+    if has_attributes(members):
+        return _by_key(lambda agent: rank(agent.name, agent.team, lambda member: is_among(agent, [member])))
+    return Ranking(
+        lambda name, team: rank(name, team, partial(_is_named, name, team)),
+        of_team=not any(isinstance(member, Role) for member in members),
+    )
+
+
+def _is_named(name: str, team: Hashable, member: Hashable) -> bool:
+    """Return whether an agent is in a team, or in a role by its name."""
+    return get_team(member) == team and (not isinstance(member, Role) or name in (member.names or ()))
+
+
+def _name_member(member: Hashable) -> str:
+    """Return what an error calls a team or a role."""
+    return f"the role {member}" if isinstance(member, Role) else f"team {shown(member)}"

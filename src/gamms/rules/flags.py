@@ -1,6 +1,6 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -9,6 +9,7 @@ from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
 from gamms.game.block.state import Arrays, GameArrays, GameRow
+from gamms.game.roles import as_teams_and_roles
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, as_node_id
@@ -20,7 +21,7 @@ from gamms.rules.meetings import GameRule, player_of
 from gamms.rules.territory import Colors, Territory, as_territory, owners_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
-from gamms.typing.game import OWNERS
+from gamms.typing.game import OWNERS, TEAMS
 from gamms.visual.drawers.rules import FlagsDrawer
 
 _NOBODY = core.CARRIERS["nobody"]
@@ -28,7 +29,7 @@ _GONE = core.CARRIERS["gone"]
 
 
 @shown_as_called
-def capture_flag(
+def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
     flags: Annotated[Mapping[Any, NodeId], OWNERS],
     *,
     territory: Territory | str | None = None,
@@ -38,6 +39,7 @@ def capture_flag(
     key: str = "flags",
     colors: Colors | None = None,
     passing: bool = True,
+    teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
 ) -> Rule:
     """Make a rule that lets agents on the ground take the flags of other teams and bring them home.
 
@@ -64,6 +66,7 @@ def capture_flag(
         colors: team -> color of its flag; None: the colors of the agents if none are declared elsewhere.
         passing: whether agents also take flags, and bring them home, on nodes that they only pass; False: only on nodes
             at the end of the turn.
+        teams: teams or roles whose agents take flags and bring them home, one or several; None: all.
 
     Raises:
         BadType, BadValue: an argument is invalid.
@@ -81,6 +84,7 @@ def capture_flag(
         as_flag(announce, "announce"),
         as_name(key, "the state of the rule"),
         as_flag(passing, "passing"),
+        as_teams_and_roles(teams),
     )
 
     def capture_flag(ctx: Context) -> None:
@@ -93,6 +97,7 @@ def capture_flag(
         capture_flag,
         RuleSpec(
             prepare=game.prepare,
+            teams=sorted(game.teams or (), key=str),
             owners=[*dict.fromkeys((*game.bases, *owners_of(game.ground)))],
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),

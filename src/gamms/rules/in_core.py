@@ -41,6 +41,7 @@ class FlagArguments(NamedTuple):
     announce: bool
     key: str
     passing: bool
+    teams: frozenset[Hashable] | None
 
     def start(self, teams: int, games: int) -> Arrays:
         """Return the state of the rule at the start of games with a number of teams.
@@ -195,7 +196,7 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         making.events,
         making.number(played),
         flags=core,
-        visitors=making.visitors(at_end=not flags.passing),
+        visitors=making.visitors(flags.teams, at_end=not flags.passing),
     )
 
 

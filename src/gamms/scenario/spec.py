@@ -216,9 +216,9 @@ class Rule(_Mapping, frozen=True, kw_only=True):
 
 
 class PriorityOrder(_Mapping, frozen=True, kw_only=True):
-    """The teams in the order in which they win."""
+    """The teams and roles in the order in which they win."""
 
-    by_priority: Annotated[list[Name], Meta(min_length=1)]
+    by_priority: Annotated[list[Name | Values], Meta(min_length=1)]
 
 
 class Conflicts(_Mapping, frozen=True, kw_only=True):

@@ -104,9 +104,13 @@ def _check_orders(spec: Spec) -> None:
     if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.PriorityOrder):
         path = "conflicts.resolve.by_priority"
         ranked = spec.conflicts.resolve.by_priority
-        for number, team_name in enumerate(ranked):
-            _known_team(team_name, spec, f"{path}.{number}")
-        _check_complete(path, ranked, [name for name, team in spec.teams.items() if _is_on_ground(team)])
+        for number, member in enumerate(ranked):
+            if isinstance(member, dict):
+                _check_role(member, spec, f"{path}.{number}")
+            else:
+                _known_team(member, spec, f"{path}.{number}")
+        teams = [member if isinstance(member, str) else str(member["team"]) for member in ranked]
+        _check_complete(path, teams, [name for name, team in spec.teams.items() if _is_on_ground(team)])
 
 
 def sensor_type(given: str) -> SensorType | None:
