@@ -220,6 +220,21 @@ def test_in_the_fog_others_are_seen_near_the_team_only(game):
     assert set(looking["fog"]._seen) == set(range(13))
 
 
+@pytest.mark.parametrize("errors", [{"detection": 0.0}, {"delay_turns": 50}, {"exclude": "blue"}, {}])
+def test_in_the_fog_of_eyes_that_err_only_reported_agents_are_seen(errors):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=25.0, **errors)
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["eyes"], strategy=east)
+        for number, node in enumerate((2, 3, 20)):  # red ends on node 2, and covers node 3
+            ctx.agent.create_agent(f"blue_{number}", start_node_id=node, team="blue")
+        ctx.game.run(max_turns=2)
+        fog = Fog(ctx, "red")
+        fog.look()
+        assert fog._now == {0, 1, 2, 3, 4}
+        assert fog.hidden == ({"blue_1", "blue_2"} if errors else {"blue_2"})
+
+
 def test_the_fog_dims_what_was_seen_and_darkens_the_rest(game, tmp_path):
     out = tmp_path / "fog.png"
     assert run(game, out, "--fog", "red", "--width", 640, "--height", 200).exit_code == 0

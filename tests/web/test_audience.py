@@ -89,6 +89,77 @@ def test_no_byte_says_what_others_keep_for_themselves(hunt):
         assert columns["sights"]["red"]["nodes"].size
 
 
+ERRORS = {
+    "missing": {"detection": 0.4},
+    "late": {"delay_turns": 2},
+    "displaced": {"position_noise_m": 15.0},
+    "of nobody": {"exclude": "blue"},
+}
+
+
+@pytest.fixture(scope="module", params=ERRORS)
+def erring(request):
+    """A recording of a red agent whose eyes err, past which two blue ones wander."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=5) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=25.0, **ERRORS[request.param])
+        ctx.agent.create_agent("red_0", start_node_id=12, team="red", sensors=["eyes"], strategy=wander)
+        for number, node in enumerate((6, 18)):
+            ctx.agent.create_agent(f"blue_{number}", start_node_id=node, team="blue", strategy=wander)
+        ctx.record.start(stream, sensed=True)
+        ctx.game.run(20)
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        yield recording
+
+
+def reports_in(recording):
+    """Return turn -> the reported agents and their nodes."""
+    table = recording.table("sensed")
+    found = {turn: {} for turn in range(1, recording.turns + 1)}
+    for turn, name, node in zip(*(list(table[key]) for key in ("turn", "other", "node")), strict=True):
+        found[int(turn)][str(name)] = int(node)
+    return found
+
+
+def test_a_team_with_eyes_that_err_gets_their_reports_and_not_the_truth(erring):
+    reports = reports_in(erring)
+    cut = io.BytesIO()
+    erring.cut(cut, "red")
+    page = game_in(web.page(erring, audience="red"))
+    assert SECRET not in page.said()
+    assert SECRET in game_in(web.page(erring)).said()
+    with recorder.open(io.BytesIO(cut.getvalue())) as known:
+        for turn, shown in zip(range(erring.turns), page, strict=False):
+            for agents in (known[turn].agents, shown.agents):
+                places = dict(zip(agents["name"].tolist(), agents["node"].tolist(), strict=True))
+                del places["red_0"]
+                assert places == reports[turn + 1], turn
+
+
+def test_fog_shows_agents_only_where_eyes_that_err_report_them(erring):
+    """Or on the node of the team's own agent."""
+    reports = reports_in(erring)
+    whole = game_in(web.page(erring))
+    states = list(whole)
+    in_sight = {}
+    for part in whole.sent:
+        columns = whole.columns(part)
+        sight = columns["sights"]["red"]
+        ends = np.cumsum(sight["agent_counts"])
+        for turn, row in enumerate(np.split(sight["agents"], ends[:-1])[: part["turns"]]):
+            in_sight[part["first"] + turn - 1] = {part["agents"][agent] for agent in row}
+    missed = 0
+    for turn in range(erring.turns):
+        agents = states[turn].agents
+        places = dict(zip(agents["name"].tolist(), agents["node"].tolist(), strict=True))
+        own = places.pop("red_0")
+        seen = {name for name, node in places.items() if node in (own, reports[turn + 1].get(name))}
+        assert in_sight[turn] == seen, turn
+        missed += sum(distance(erring.graph.columns(), own, node) <= 25.0 for node in places.values()) - len(seen)
+    assert missed > 5
+
+
 def test_flags_say_that_one_is_carried_but_not_by_whom_out_of_sight(hunt):
     seen = []
     for state in game_in(web.page(hunt, audience="red")):

@@ -209,6 +209,16 @@ class DetectingSensor(Sensor):
         return found if self._is_all_around else found._replace(is_plain=False)
 
     @property
+    def reports_all(self) -> bool:
+        """Whether it reports every agent in view, where it is and at once."""
+        return self._is_ours and (self._notice is None or self._notice.reports_all)
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether it may report agents where they are not."""
+        return self._notice is not None and self._notice.has_errors
+
+    @property
     def _is_all_around(self) -> bool:
         """Whether it looks in all directions around its agent."""
         return False

@@ -4,7 +4,6 @@ The built-in sensors sense again, because recordings do not contain their views.
 """
 
 from collections.abc import Iterator, Mapping
-from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -14,6 +13,7 @@ from gamms.errors import BadValue, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
+from gamms.knowledge.sides import AgentPlaces, SideLook, find_known
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR
@@ -39,6 +39,7 @@ _STREET = 2.0
 _SLIM = 0.2
 _DOT = 0.08
 _LINE_PX = 1.5
+_NONE = np.zeros(0, np.int64)
 _DIGITS = 6  # rounding of coordinates, to find nodes
 
 
@@ -121,43 +122,52 @@ class Fog:
         """Sense with the team's sensors at the current positions, and hide the agents that they do not see."""
         columns = self._ctx.graph.columns()
         carriers = drawing_of(self._ctx).carriers
-        living = [agent for agent in self._own() if agent.alive]
-        is_seen = np.isin(columns.node_ids, [agent.current_node_id for agent in living])
         sights = list[ShownView]()
-        for agent in living:
-            for sensor in _sensors_of(agent):
+        looks = list[SideLook]()
+        for agent in self._own():
+            for sensor in _sensors_of(agent) if agent.alive else ():
                 sight = carriers.sight(sensor, agent)
                 sights.append(sight)
-                is_seen |= self._covered(columns, sight, agent)
+                looks.append(self._as_look(columns, sight, agent))
         self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
-        self._now = set(columns.node_ids[is_seen].tolist())
+        places = self._places(columns)
+        known = find_known([self.team], looks, places, len(columns.node_ids))[self.team]
+        self._now = set(columns.node_ids[known.nodes].tolist())
         game = self._ctx.current_game
         turn = 0 if game is None else game.turn
         before = {node: since for node, since in self._seen.items() if since <= turn}  # a replay may go back
         self._seen = dict.fromkeys(self._now, turn) | before
-        found = set(chain.from_iterable(sight.view.names for sight in sights if sight.view is not None))
-        self.hidden = {agent.name for agent in self._others() if agent.name not in found and not self._is_on(agent)}
+        others = {name for name, side in zip(places.names, places.sides, strict=True) if side != self.team}
+        self.hidden = others.difference(known.agents)
         cast("Any", self._ctx.visual).artists.fog = self
 
-    def _covered(self, columns: GraphColumns, sight: ShownView, agent: IAgent) -> BoolArray:
-        """Return which nodes (nodes,) a sensor shows, or would show agents on."""
+    def _as_look(self, columns: GraphColumns, sight: ShownView, agent: IAgent) -> SideLook:
+        """Return the nodes and agents that a sensor shows, or else the nodes on which it would show agents."""
         view = sight.view or SensorView()
+        nodes = field = _NONE
         if len(view.nodes) or (len(view.outline) == 0 and sight.sensor.type not in IN_AIR):
-            return _at(columns.xy, view.nodes)
-        place: Any = drawing_of(self._ctx).motion.on_edges().get(agent.name, agent.current_node_id)
-        try:
-            covered = sight.sensor.coverage(place, agent.name).node_ids
-        except NotOffered:
-            return np.zeros(len(columns.xy), bool)
-        return np.isin(columns.node_ids, covered)
+            nodes = np.flatnonzero(_at(columns.xy, view.nodes))
+        else:
+            place: Any = drawing_of(self._ctx).motion.on_edges().get(agent.name, agent.current_node_id)
+            try:
+                covered = sight.sensor.coverage(place, agent.name).node_ids
+            except NotOffered:
+                covered = _NONE
+            field = kernels.rows_of(columns.node_ids, covered, columns.node_order)
+        return SideLook(agent.name, nodes, field, bool(getattr(sight.sensor, "reports_all", False)), view.names)
 
-    def _others(self) -> Iterator[IAgent]:
-        return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) != self.team)
-
-    def _is_on(self, agent: IAgent) -> bool:
-        """Return whether an agent stands on a node that the team sees."""
-        is_on_node = agent.type != AgentType.AERIAL and agent.name not in drawing_of(self._ctx).motion.on_edges()
-        return is_on_node and agent.current_node_id in self._now
+    def _places(self, columns: GraphColumns) -> AgentPlaces:
+        agents = list(self._ctx.agent.create_iter())
+        on_edges = drawing_of(self._ctx).motion.on_edges()
+        nodes = np.array([agent.current_node_id for agent in agents], np.int64)
+        is_standing = [agent.type != AgentType.AERIAL and agent.name not in on_edges for agent in agents]
+        return AgentPlaces(
+            [agent.name for agent in agents],
+            [str(color_group(agent)) for agent in agents],
+            kernels.rows_of(columns.node_ids, nodes, columns.node_order),
+            np.array([agent.alive for agent in agents], bool),
+            np.array(is_standing, bool),
+        )
 
     def _show_sights(self, sights: list[ShownView]) -> None:
         """Draw the views of the team's sensors, if they are few, and no others."""

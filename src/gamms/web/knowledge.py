@@ -19,7 +19,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.looks import Look, looks_of, parts_of
+from gamms.knowledge.looks import Look, as_reported, looks_of, nearest_on, parts_of
+from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.text import as_digits, as_text
@@ -85,6 +86,8 @@ class SensorLook(NamedTuple):
         edges: rows of the reported edges.
         agents: the reported agents: name and node row; -1: the row of the agent's actual node.
         words: any other report, as text; None: there is none.
+        reports_all: whether the sensor reports every agent in view.
+        has_errors: whether it may report agents where they are not.
     """
 
     agent: str
@@ -96,13 +99,8 @@ class SensorLook(NamedTuple):
     edges: IntArray
     agents: Sequence[tuple[str, int]]
     words: str | None
-
-
-class SideKnowledge(NamedTuple):
-    """The nodes that a side sees, as ascending rows, and the visible agents of other sides, by name."""
-
-    nodes: IntArray
-    agents: Sequence[str]
+    reports_all: bool
+    has_errors: bool
 
 
 class SensedTurn(NamedTuple):
@@ -123,6 +121,7 @@ class KnowledgeTracker:
     def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
         self._ctx = ctx
         self._step = step
+        self._nearest = nearest_on(ctx.graph.columns)
         self._covered: dict[Any, IntArray] = {}
         self._shapes: dict[Any, FieldOutline | None] = {}
         self._on_edges: Mapping[str, tuple[float, float]] = {}  # the positions of agents between nodes
@@ -159,21 +158,25 @@ class KnowledgeTracker:
         return SensedTurn(looks, self._sides(looks, state))
 
     def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> SensorLook:
-        nodes, edges, agents, other = parts_of(look)
+        agent: Any = self._ctx.agent.agents.get(name)
+        sensor: Any = None if agent is None else agent.sensors.get(look.sensor)
+        has_errors = bool(getattr(sensor, "has_errors", False))
+        nodes, edges, agents, other = parts_of(as_reported(look, self._nearest, names) if has_errors else look)
         rows = self.rows("nodes", nodes)
         edge_rows = self.rows("edges", edges)
         at = self.rows("nodes", [node for _, node in agents]).tolist()
         pairs = [(names[number], row) for (number, _), row in zip(agents, at, strict=True) if number in names]
-        seen = [(other, -1 if now[other] == row else row) for other, row in pairs]
-        agent: Any = self._ctx.agent.agents.get(name)
-        sensor: Any = None if agent is None else agent.sensors.get(look.sensor)
+        is_rough = has_errors and look.other is not None  # positions in space, which are not those of the agents
+        seen = [(other, -1 if now[other] == row and not is_rough else row) for other, row in pairs]
         has_end = isfinite(getattr(sensor, "range", inf))
         pose = _pose(agent, sensor) if has_end else (None, None)
         shape = self._shape(agent, sensor, pose) if has_end else None
         field = self._field(agent, sensor, pose) if has_end else _NONE
         words = None if other is None else words_of(other)
         found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
-        return SensorLook(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
+        reports_all = bool(getattr(sensor, "reports_all", False))
+        kind = as_text(look.kind)
+        return SensorLook(name, as_text(look.sensor), kind, shape, field, *found, words, reports_all, has_errors)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 
@@ -220,36 +223,24 @@ class KnowledgeTracker:
     def _sides(self, looks: Sequence[SensorLook], state: DetachedState) -> dict[str, SideKnowledge]:
         """Return side -> its knowledge; empty if there are more than `MOST_SIDES` sides."""
         columns = state.agents.columns
-        names = columns["names"]
-        side_of = dict(zip(names, sides_in(columns), strict=True))
-        sides = dict.fromkeys(side_of.values())
+        all_sides = sides_in(columns)
+        sides = dict.fromkeys(all_sides)
         if len(sides) > MOST_SIDES:
             return {}
-        nodes = self.rows("nodes", columns["node"])
-        alive = np.asarray(columns["alive"]) != 0
-        size = len(self._ctx.graph.columns().node_ids)
-        masks = {side: np.zeros(size + 1, bool) for side in sides}  # the last item is for unknown nodes, row -1
-        found: dict[str, dict[str, None]] = {side: {} for side in sides}
-        living = {name for name, is_alive in zip(names, alive.tolist(), strict=True) if is_alive}
-        for name, row in zip(names, nodes.tolist(), strict=True):
-            if name in living:
-                masks[side_of[name]][row] = True
-        for look in looks:
-            if look.agent not in living:
-                continue
-            side = side_of[look.agent]
-            masks[side][look.nodes] = True
-            found[side].update(dict.fromkeys(name for name, _ in look.agents))
-            masks[side][look.field] = True
-        is_on_node = (np.asarray(columns["kind"]) == 0) & (np.asarray(columns["edge_share"]) == 0)
-        sights = {}
-        for side, mask in masks.items():
-            mask[-1] = False
-            standing = np.flatnonzero(is_on_node & mask[nodes]).tolist()
-            found[side].update(dict.fromkeys(names[row] for row in standing))
-            others = [name for name in found[side] if side_of.get(name) != side]
-            sights[side] = SideKnowledge(np.flatnonzero(mask), others)
-        return sights
+        places = AgentPlaces(
+            columns["names"],
+            all_sides,
+            self.rows("nodes", columns["node"]),
+            np.asarray(columns["alive"]) != 0,
+            (np.asarray(columns["kind"]) == 0) & (np.asarray(columns["edge_share"]) == 0),
+        )
+        return find_known(sides, map(_as_side_look, looks), places, len(self._ctx.graph.columns().node_ids))
+
+
+def _as_side_look(look: SensorLook) -> SideLook:
+    """Return the part of a report that tells a side what it sees."""
+    found = [name for name, row in look.agents if row < 0 or not look.has_errors]
+    return SideLook(look.agent, look.nodes, look.field, look.reports_all, found)
 
 
 def sides_in(columns: Mapping[str, Any]) -> list[str]:
