@@ -1,9 +1,11 @@
-"""Measure again what `benchmarks/results.md` says, and leave the raw data: `make reproduce`.
+"""Measure again what `benchmarks/README.md` and `results.md` say, and leave the raw data: `make reproduce`.
 
     python scripts/reproduce.py                          # into reproduced/, in under 30 minutes
     python scripts/reproduce.py --only cases --rounds 5  # one part of it
     python scripts/reproduce.py --only upstream --upstream PYTHON   # against gamms 1.0.0, which that Python has
     python scripts/reproduce.py --only peers --peer PYTHON --peer PYTHON   # beside simulators that these have
+    python scripts/reproduce.py --only cases upstream peers --upstream PYTHON --peer PYTHON --peer PYTHON --expect
+                                                         # the table of benchmarks/README.md, in one run
     python scripts/reproduce.py --only gains large       # parts that take longer, only when asked for
 
 Each part is a file of JSON with the command, how long it took, its exit status, and what it printed: records where the
@@ -200,7 +202,7 @@ def _expect(out: Path, parts: list[str]) -> None:
     results_page.RESULTS.mkdir(exist_ok=True)
     for name in parts if "cases" not in parts else [*parts, "machine"]:
         shutil.copyfile(out / f"{name}.json", results_page.RESULTS / f"{name}.json")
-    results_page.PAGE.write_text(results_page.page(), encoding="utf-8")
+    results_page.write_pages()
 
 
 def _write(file: Path, value: object) -> None:

@@ -1,6 +1,7 @@
-"""Writes `benchmarks/results.md` from the raw data of a run of `make reproduce`, so that its tables are that data."""
+"""Writes `benchmarks/results.md`, and the table of `benchmarks/README.md`, from the raw data of `make reproduce`."""
 
 import json
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +13,26 @@ PAGE = ROOT / "benchmarks" / "results.md"
 
 sys.path.insert(0, str(ROOT / "benchmarks"))
 from run import shown  # noqa: E402 - it lies beside the cases, which are no package
+
+FRONT = ROOT / "benchmarks" / "README.md"
+_TABLE = re.compile(r"(?<=<!-- table -->\n).*?(?=<!-- end of the table -->)", re.DOTALL)
+# A row of the table: what is played, the row of `peers.json` or `upstream.json`, and the case whose floor is shown.
+_KEYS, _VECTORS = "scenario: turns of {} agents, ten keys", "scenario: 4,096 games of two pursuers, vectors in a batch"
+_COMPARED = (
+    ("1,000 agents walk, one Python function each", "Mesa", _KEYS.format("1,000")),
+    ("2 agents walk, one Python function each", "Mesa, two agents", None),
+    ("10,000 agents walk, one function in arrays", "mesa-frames", "teams: random walk of 100,000, one stream"),
+    ("8 chase 30 on a grid", "PettingZoo", None),
+    ("64 agents with all around them in dicts", "POGEMA", None),
+    ("64 agents with all around them in arrays", "POGEMA, a team in arrays", None),
+    ("64 games of 64 agents, in a batch", "POGEMA, in batch", None),
+    ("1,024 games of tag, in a batch, observed", "VMAS", _VECTORS),
+    ("the same, beside a compiled loop", "JaxMARL", _VECTORS),
+    ("1,000 agents drive by the second", "SUMO", None),
+    ("the value of a game of two turns", "OpenSpiel", None),
+    ("distances to 90,000 nodes", "SciPy", None),
+    ("the paper's loop, 1,000 agents", "the paper's loop, 1,000 agents", "scenario: the paper's loop, 1,000 agents"),
+)
 
 _GROUPS = {
     "frequent": "One call",
@@ -50,6 +71,43 @@ def page(results: Path = RESULTS) -> str:
         if file.stem not in {"machine", "cases", "summary", *_TABLES}:
             parts += [f"## {file.stem.capitalize()}", _printed(_read(file))]
     return "\n\n".join(parts) + "\n"
+
+
+def write_pages() -> None:
+    """Write the page of all results, and the table of the page that introduces them."""
+    PAGE.write_text(page(), encoding="utf-8")
+    FRONT.write_text(_TABLE.sub(lambda _: compare(), FRONT.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def compare(results: Path = RESULTS) -> str:
+    """Return the table of the front page: a case a row, beside the nearest thing in another library and a floor.
+
+    A peer that was not measured has its reason instead of a figure; a figure of an earlier run has its date.
+    """
+    parts = [_read(file) for name in ("peers", "upstream") if (file := results / f"{name}.json").exists()]
+    peers = {one["name"]: one for part in parts for one in _records(part)}
+    floors = {one["name"]: one for one in _read(results / "cases.json")["output"] if "floor" in one}
+    lines = ["| case | ours | best peer | floor | ours is |", "|---|---|---|---|---|"]
+    for title, name, floor in _COMPARED:
+        measured, said = _compared(peers.get(name, {}))
+        least = shown(floors[floor]["floor"]) if floor in floors else ""
+        lines.append(f"| {title} | {measured} | {least} | {said} |")
+    return "\n".join(lines) + "\n"
+
+
+def _compared(one: dict[str, Any]) -> tuple[str, str]:
+    """Return the cells of a peer: our time and its time; and how many times as fast ours is."""
+    if "steps" in one:
+        ours, theirs, ratio = 1 / one["our_steps"], 1 / one["steps"], one["ratio"]
+        peer = f"{one['name'].partition(',')[0]} {one['version']}"
+    elif "MEMORY" in one:
+        side, peer = one["MEMORY"], "gamms 1.0.0"
+        ours, theirs, ratio = side["ours"], side["1.0.0"], side["ratio"]
+    else:
+        return f"| {one.get('error', 'not measured')}", ""
+    dated = f" ({one['date']})" if one.get("date") else ""
+    said = f"{_ratio(ratio)} x as fast" if ratio >= 1 else f"**{_ratio(1 / ratio)} x slower**"
+    return f"{shown(ours)} | {peer}: {shown(theirs)}{dated}", said
 
 
 def _read(file: Path) -> Any:
@@ -174,4 +232,4 @@ def _printed(part: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    write_pages()

@@ -41,9 +41,8 @@ if hasattr(providers, "is_local_module_file"):  # else examples follow from all 
 def pytest_collection_modifyitems(items):
     """Begin with the slowest files, mark all laws, and leave out what needs a compiled core where it is interpreted.
 
-    Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1, and half as many
-    where GAMMS_BRIEF is 1: the second run of `make test`, by the interpreted core, only has to find what differs from
-    the first.
+    Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1. Try half as many
+    where GAMMS_BRIEF is 1: the second run of `make test`, interpreted, only has to find what differs from the first.
     """
     items.sort(
         key=lambda item: not any(map(item.path.match, SLOWEST))
