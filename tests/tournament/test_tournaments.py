@@ -95,18 +95,29 @@ def test_the_table_of_a_folder_is_that_of_its_tournament(folder, monkeypatch):
     entries = {name: GIVEN[name] for name in ("hunt", "walk", "fail")}
     played("out", seeds=[1], entries={name: GIVEN[name] for name in ("hunt", "fail")}, record=False)
     table = played("out", seeds=[1], entries=entries, record=False)
-    swiss = played("swiss", seeds=[1], rounds=2, record=False)
     monkeypatch.setattr("gamms.tournament.running.play", None)
     assert same(load("out"), table)
     assert load("out").standings() == table.standings()
     assert load("out").payoffs() == table.payoffs()
-    assert same(load("swiss"), swiss)
-    journal = folder / "swiss" / "journal.jsonl"
+
+
+def test_a_swiss_tournament_pairs_neighbours_who_have_not_met_and_its_folder_has_its_table(folder, monkeypatch):
+    table = played(seeds=[1], rounds=2, record=False)
+    monkeypatch.setattr("gamms.tournament.running.play", None)
+    rounds = {}
+    for row in table.rows:
+        rounds.setdefault(row["round"], set()).add(frozenset(row["entries"].values()))
+    assert {number: len(pairs) for number, pairs in rounds.items()} == {1: 2, 2: 2}
+    assert not rounds[1] & rounds[2]
+    assert not (folder / "out" / "games").exists()
+    assert table.nash_mixture() is None
+    assert same(load("out"), table)
+    journal = folder / "out" / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(lines[:-1]))
-    assert [row["id"] for row in load("swiss").rows] == [row["id"] for row in swiss.rows[:-1]]
+    assert [row["id"] for row in load("out").rows] == [row["id"] for row in table.rows[:-1]]
     journal.write_bytes(b"".join(lines[1:]))  # of the first round: who meets in the second is not known
-    assert {row["round"] for row in load("swiss").rows} == {1}
+    assert {row["round"] for row in load("out").rows} == {1}
 
 
 def test_a_folder_of_a_stranger_is_checked(folder):
@@ -209,17 +220,6 @@ def test_a_cluster_of_ray_gives_the_same_table(folder):
     pytest.importorskip("ray")
     there = played("there", executor="ray", workers=2, record=False)
     assert there.rows == played("here", workers=4, record=False).rows == played("alone", record=False).rows
-
-
-def test_a_swiss_tournament_pairs_neighbours_who_have_not_met(folder):
-    table = played(seeds=[1], rounds=2, record=False)
-    rounds = {}
-    for row in table.rows:
-        rounds.setdefault(row["round"], set()).add(frozenset(row["entries"].values()))
-    assert {number: len(pairs) for number, pairs in rounds.items()} == {1: 2, 2: 2}
-    assert not rounds[1] & rounds[2]
-    assert not (folder / "out" / "games").exists()
-    assert table.nash_mixture() is None
 
 
 def test_a_file_says_what_is_played(folder):
