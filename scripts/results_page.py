@@ -219,8 +219,10 @@ def _beside(part: dict[str, Any]) -> str:
             rows.append(f"| {one['name']} | {one['error']} | | | | | |")
             continue
         theirs, ours = (f"{float(f'{one[side]:.3g}'):,.0f}" for side in ("steps", "our_steps"))
+        measured = f", {one['date']}" if one.get("date") else ""  # apart from the others
+        unit = "" if one.get("unit", "agent-step") == "agent-step" else f", a {one['unit']} instead of a step"
         rows.append(
-            f"| {one['name']} ({one['version']}): {one['game']} | {one['computes']} | {theirs} "
+            f"| {one['name']} ({one['version']}{measured}): {one['game']}{unit} | {one['computes']} | {theirs} "
             f"| {one['our_game']} | {one['we_compute']} | {ours} | {_ratio(one['ratio'])} |"
         )
     return f"{_made(part)}. These are not the same games.\n\n" + "\n".join(rows)
