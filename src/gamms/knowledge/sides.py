@@ -11,6 +11,13 @@ import numpy as np
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
+from gamms.text import as_text
+
+
+def name_side(name: str, team: object) -> str:
+    """Return the name of the side of an agent: its team as text, or its own name if it has no team."""
+    return name if team is None else as_text(team)
+
 
 # -- seen -----------------------------------------------------------------------------------------------------------
 

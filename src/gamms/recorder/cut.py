@@ -20,7 +20,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.looks import Look, Nearest, Sighting
-from gamms.knowledge.sides import find_receivers, select_heard
+from gamms.knowledge.sides import find_receivers, name_side, select_heard
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
@@ -28,7 +28,6 @@ from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
-from gamms.text import as_text
 
 _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
@@ -546,7 +545,7 @@ def sides_of(
         if team is None and not is_own(name, team):
             sides[len(sides)] = None
         else:
-            side = name if team is None else as_text(team)
+            side = name_side(name, team)
             sides[side] = side
     scenario = header.get("scenario")
     teams = scenario.get("teams") if isinstance(scenario, Mapping) else None

@@ -13,6 +13,7 @@ import numpy as np
 
 from gamms.ir.graph import GraphColumns
 from gamms.ir.sensor_results import SensorView
+from gamms.knowledge.sides import name_side
 from gamms.text import as_digits, as_text
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
@@ -162,7 +163,7 @@ class DefaultScene:
             least_px = max(_TINY_PX, least_px * min(1.0, (_DENSE / len(names)) ** 0.5))
         self._agents_key = key
         self._agents = {}
-        self._colors = {name: by_side[as_text(name if team is None else team)] for name, team in sides}
+        self._colors = {name: by_side[name_side(name, team)] for name, team in sides}
         if are_together:
             self._agents[TOGETHER] = self._together(least_px)
         above = set(positions.flyers.tolist()) if are_together else None

@@ -13,12 +13,12 @@ from gamms.errors import BadValue, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.sides import AgentPlaces, SideLook, find_known
+from gamms.knowledge.sides import AgentPlaces, SideLook, find_known, name_side
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import AgentData, color_group
+from gamms.visual.appearance import AgentData
 from gamms.visual.artist import Artist, data_of
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, TOGETHER, artists_of_sights, sight_radius
@@ -62,7 +62,7 @@ class Fog:
         self._ctx = ctx
         self.team = team
         if not any(True for _ in self._own()):
-            raise UnknownName("team", team, {str(color_group(agent)) for agent in ctx.agent.create_iter()})
+            raise UnknownName("team", team, {_side_of(agent) for agent in ctx.agent.create_iter()})
         if not any(_sensors_of(agent) for agent in self._own()):
             raise BadValue(f"No agent of team {shown(team)} has a sensor in this recording, so it sees nothing.")
         self._seen: dict[int, int] = {}  # node -> since which turn
@@ -73,7 +73,7 @@ class Fog:
         self._tags = Artist(ctx, _TurnDrawer(self._draw_tags), Layer.TAGS)
 
     def _own(self) -> Iterator[IAgent]:
-        return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) == self.team)
+        return (agent for agent in self._ctx.agent.create_iter() if _side_of(agent) == self.team)
 
     def _own_names(self) -> set[str]:
         return {agent.name for agent in self._own()}
@@ -163,7 +163,7 @@ class Fog:
         is_standing = [agent.type != AgentType.AERIAL and agent.name not in on_edges for agent in agents]
         return AgentPlaces(
             [agent.name for agent in agents],
-            [str(color_group(agent)) for agent in agents],
+            [_side_of(agent) for agent in agents],
             kernels.rows_of(columns.node_ids, nodes, columns.node_order),
             np.array([agent.alive for agent in agents], bool),
             np.array(is_standing, bool),
@@ -226,6 +226,10 @@ class _TurnDrawer:
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
         self._draw(ctx, data)
+
+
+def _side_of(agent: IAgent) -> str:
+    return name_side(agent.name, getattr(agent, "team", None))
 
 
 def _sensors_of(agent: IAgent) -> list[Any]:

@@ -20,7 +20,7 @@ from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.looks import Look, as_reported, looks_of, nearest_on, parts_of
-from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known
+from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known, name_side
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.text import as_digits, as_text
@@ -244,9 +244,8 @@ def _as_side_look(look: SensorLook) -> SideLook:
 
 
 def sides_in(columns: Mapping[str, Any]) -> list[str]:
-    """Return the side of each agent: its team as text, or its name if it has no team."""
-    pairs = zip(columns["names"], columns["teams"], strict=True)
-    return [name if team is None else as_text(team) for name, team in pairs]
+    """Return the name of the side of each agent."""
+    return list(map(name_side, columns["names"], columns["teams"]))
 
 
 def _pose(agent: IAgent, sensor: ISensor) -> tuple[Any, Any]:

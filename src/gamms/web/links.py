@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from gamms.errors import GammsError
+from gamms.knowledge.sides import name_side
 from gamms.readonly import NotPickled
 from gamms.workers import SIGNALS_S
 
@@ -66,7 +67,7 @@ class Audience:
         """Return whether an agent belongs to the audience."""
         if self.agents:
             return name in self.agents
-        return str(name if team is None else team) == self.team
+        return name_side(name, team) == self.team
 
     def __str__(self) -> str:
         """Return a name for display: the team, the agents, or "everything"."""
