@@ -54,7 +54,7 @@ def test_every_game_that_comes_with_gamms_can_be_begun_with(folder, source):
     assert f"{source}.yaml" not in text
 
 
-@pytest.mark.parametrize("source", ["patrol", "people_and_machines"])
+@pytest.mark.parametrize("source", ["patrol", "people_and_machines", "scotland_yard"])
 def test_a_copy_of_a_game_runs(folder, source):
     assert run("new", "mine", "--from", source).exit_code == 0
     assert run("scenario", "check", "mine/mine.yaml").exit_code == 0

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gamms.scenario import Scenario
 
 _DEMO = "gamms.demo.strategies"  # the module of the demo's strategies in its scenario
-_WHAT = {"strategies.py": "its strategies and other code", "rules.py": "its own rules"}
+_WHAT = {"strategies": "its strategies and other code", "rules": "its own rules", "board": "its map and own rules"}
 
 
 def new(
@@ -33,25 +33,26 @@ def new(
         raise BadValue(f"{str(name)!r} already exists. Choose another name; `gamms new` never overwrites files.")
     scenario = name / f"{name.name}.yaml"
     text = "" if game.file is None else game.file.read_text(encoding="utf-8")
-    files = {}  # name of the copy -> copied file
-    for module, file in _code_of(game).items():
-        copy = module.removeprefix(source).removeprefix("_") or "strategies"
-        copy = "strategies" if module == _DEMO else copy
+    files = _code_of(game)
+    copies = {module: _name_copy(module, source) for module in files}
+    for module, copy in copies.items():
         text = re.sub(rf"(?<![\w.]){re.escape(module)}(?=:\w)", copy, text)
         text = text.replace(f"{module}.py", f"{copy}.py")
-        files[f"{copy}.py"] = file
     text = re.sub(r"^name: .*", f'name: "{name.name}"', text, flags=re.MULTILINE)
     text = text.replace(f"{source}.yaml", scenario.name)
     with made_folder(name):
         try:
             write_whole(scenario, text.encode())
-            for copy, file in files.items():
-                write_whole(name / copy, file.read_bytes())
+            for module, copy in copies.items():
+                code = files[module].read_text(encoding="utf-8")
+                for other, renamed in copies.items():
+                    code = code.replace(f"from .{other} import ", f"from .{renamed} import ")
+                write_whole(name / f"{copy}.py", code.encode())
         except BaseException:
             for one in name.iterdir():
                 one.unlink()
             raise
-    written = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
+    written = [f"{scenario} (the game)", *(f"{name / copy}.py ({_WHAT[copy]})" for copy in copies.values())]
     *most, last = written
     echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. What next:\n")
     recording = name / "first" / RECORDING
@@ -65,6 +66,11 @@ def new(
     width = max(map(len, next_commands))
     for command, what in next_commands.items():
         echo(f"  {command:<{width}}  # {what}")
+
+
+def _name_copy(module: str, source: str) -> str:
+    """Return the name of the copy of a module of a game."""
+    return "strategies" if module == _DEMO else module.removeprefix(source).removeprefix("_") or "strategies"
 
 
 def _code_of(game: "Scenario") -> dict[str, Path]:
