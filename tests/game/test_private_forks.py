@@ -122,7 +122,7 @@ def test_agents_know_these_fields_of_a_game_alone():
     known = {name: field.axis for name, field in FIELDS.items() if field.axis is not None}
     assert known == {
         **dict.fromkeys(["turn", "last_turn", "over", "scores", "facts"], "game"),
-        **dict.fromkeys(["agent_facts", "memories", "counts", "blocked", "named_edges"], "agent"),
+        **dict.fromkeys(["agent_facts", "memories", "counts", "blocked", "named_edges", "driven"], "agent"),
         **dict.fromkeys(["team_facts", "team_memories"], "team"),
     }
 
