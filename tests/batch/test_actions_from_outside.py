@@ -127,6 +127,44 @@ def test_actions_of_agents_that_decide_at_arrivals_are_checked(way):
         assert games.turn.tolist() == [2, 2]
 
 
+def close_half(ctx):
+    """Close every second road."""
+    ctx.graph.close_roads([*ctx.graph.graph.get_edges()][::2])
+
+
+GOING = [({}, {}), ({}, {"speed": 2.0}), ({"speed_unit": "metres"}, {"speed": 25.0}), ({"legal": "any"}, {})]
+
+
+@pytest.mark.parametrize(("settings", "speed"), GOING)
+def test_actions_for_a_later_part_of_a_turn_are_checked_when_deeds_have_closed_roads(settings, speed):
+    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk", **speed} for name in ("red", "blue")}
+    scenario = scene(teams=teams, settings={"order": [["blue"], ["red"]], **settings})
+    seen = []
+    for way in WAYS:
+        with way(scenario).build(seed=1) as ctx:
+            ctx.game.add(close_half, phase="deeds")
+            with ctx.game.batch(40, seed=3) as games:
+                for _ in range(3):
+                    counts = games.observe("red").counts
+                    games.step({"red": np.arange(40)[:, None] % counts}, on_illegal="stay")
+                    seen.append(games.observe("red").node.tolist())
+    assert seen[:3] == seen[3:]
+
+
+@pytest.mark.parametrize(("settings", "speed"), GOING[:3])
+def test_actions_that_deeds_have_made_illegal_are_refused_before_the_turn_is_over(settings, speed):
+    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk", **speed} for name in ("red", "blue")}
+    with scene(teams=teams, settings={"order": [["blue"], ["red"]], **settings}).build(seed=1) as ctx:
+        ctx.game.add(close_half, phase="deeds")
+        with ctx.game.batch(2, seed=3) as games:
+            view = games.observe("red")
+            last = view.counts - 1
+            with pytest.raises(BadValue, match=f"action {last[0, 0]} of agent 'red_0' in game 0, turn 0, is not"):
+                games.step({"red": last})
+            assert games.turn.tolist() == [0, 0]
+            assert games.observe("red").counts.tolist() == view.counts.tolist()
+
+
 def opening(ctx):
     ctx.game.emit("opened")
 

@@ -61,6 +61,25 @@ def test_any_number_of_threads_plays_the_same_games_however_agents_move(moving):
         env.close()
 
 
+@pytest.mark.parametrize("moving", [{}, {"teams.red.speed": 2.0}, MOVING[2]], ids=str)
+def test_learners_stay_whose_actions_are_illegal_because_their_games_have_played_on(moving):
+    stayed = 0
+    with Learners(scene().replace(**moving), 20, teams=["red"], seed=1) as learners:
+        learners.begin_all()
+        for _ in range(3):
+            last = learners.games.observe("red").counts - 1
+            learners.games.step()
+            now = learners.games.observe("red")
+            is_illegal = now.mask & (last >= now.counts) & (now["edge"][..., 0] < 0)
+            before = now["curr_pos"][is_illegal]
+            learners.step(last)
+            after = learners.games.observe("red")
+            stayed += np.count_nonzero(is_illegal & after.mask)
+            was_tagged = ~after.mask[is_illegal]
+            assert ((after["curr_pos"][is_illegal] == before) | was_tagged).all()
+    assert stayed > 0
+
+
 @pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
 @pytest.mark.parametrize("options", [{"team": "red"}, {}, {"agent": "red_1"}, {"observation": rl.neighbourhood(2)}])
 def test_any_number_of_threads_plays_the_same_games(mode, options):

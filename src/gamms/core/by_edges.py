@@ -318,5 +318,5 @@ def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         w.by_steps.drawn = 0  # type: ignore[union-attr]
         return strategies.act(w.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
-        return w.paths.legal.reach.nodes[w.given[row]]
+        return w.paths.legal.reach.nodes[moves.as_legal(w.given[row], count)]
     return w.paths.legal.reach.nodes[draws.below_at(w.walks.keys[row], games.turn[game], 0, count)]

@@ -80,13 +80,14 @@ cdef bint decides_now(OneEdgeMovers m, i64 row, i64 i, i64 part) except -1 nogil
 cdef int stay_all(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 @cython.locals(begin=i64, end=i64)
 cdef int walk_at_random(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
-@cython.locals(at=i64, first=i64, part=i64, place=i64, i=i64, row=i64)
+@cython.locals(at=i64, first=i64, part=i64, place=i64, i=i64, row=i64, number=i64)
 cdef int take_numbers(GameColumns games, OneEdgeMovers m, i64 game, int kind, const i64[::1] numbers) except -1 nogil
 @cython.locals(at=i64, part=i64, place=i64, i=i64)
 cdef int follow_steps(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 
 
 cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil
+cdef i64 as_legal(i64 number, i64 count) except? -2 nogil
 cdef i64 legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
 cdef int set_out(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(node=i64)

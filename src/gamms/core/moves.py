@@ -318,7 +318,8 @@ def take_numbers(games: GameColumns, m: OneEdgeMovers, game: int, kind: int, num
         row = at + i
         if decides_now(m, row, i, part):
             m.blocked[row] = 0
-            m.ends[row] = legal_node(m.streets, first, games.node[row], numbers[row])
+            number = as_legal(numbers[row], m.counts[row])
+            m.ends[row] = legal_node(m.streets, first, games.node[row], number)
         else:
             m.ends[row] = games.node[row]
     return 0
@@ -342,6 +343,11 @@ def follow_steps(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
 def count_legal(s: LegalMoves, place: int) -> int:
     """Return the number of legal nodes at a place."""
     return s.nodes if s.are_all_legal else s.offsets[place + 1] - s.offsets[place]
+
+
+def as_legal(number: int, count: int) -> int:
+    """Return the number of a legal node: 0, to stay, for a number from outside that is none of `count`."""
+    return number if 0 <= number < count else 0
 
 
 def legal_node(s: LegalMoves, first: int, node: int, number: int) -> int:

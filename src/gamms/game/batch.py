@@ -304,14 +304,14 @@ class Batch(Surface, Immutable, NotPickled):
                 (games, agents); and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and
                 `to` are as in `view.do` and `view.send`: one value for all, or arrays (games, agents).
             on_illegal: "raise": refuse illegal actions; "stay": agents with an illegal action stay, for example after a
-                rule of the phase "before" has made nodes illegal that `observe` listed.
+                rule has made nodes illegal that `observe` listed.
             threads: the number of threads that play; see `run`.
 
         Raises:
             UnknownName (KeyError): no agent plays for a team, or a deed or channel does not exist.
             BadType, BadValue: actions have a wrong type or shape, or are illegal. No game has played and no rule was
-                called, unless a rule of the phase "before" made an action illegal; then these rules were called, and
-                other actions may be passed.
+                called, unless a rule of the phase "before", or of the phase "deeds" in an earlier part of the order of
+                play, made an action illegal; then these rules were called, and other actions may be passed.
         """
         self._refuse_closed()
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))

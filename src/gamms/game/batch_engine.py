@@ -1151,6 +1151,8 @@ class BatchEngine(TurnDriver):
         if now.agents.asks_at_arrivals:
             self._play_arrivals(playing, part, play)
             return
+        if part > 0 and now.given and not self._plays_parts_at_once:
+            self._take_moves_again(playing, part)
         for one, games in self._each(playing) if self._asks_functions or self._state.flights is not None else ():
             one.decide(games, part, now.agents.is_given)
         self._play_decisions(playing, part, partial(play, _DECIDE if self._acts else None))
@@ -1229,6 +1231,13 @@ class BatchEngine(TurnDriver):
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
+
+    def _take_moves_again(self, playing: BoolArray, part: int) -> None:
+        """Check the given moves of a later part of the turn: rules may have closed roads, or moved agents."""
+        now = self._now
+        is_next = self._maps[0].core.part_of == part
+        given = {team: one for team, one in now.given.items() if is_next[now.agents.members[team]].any()}
+        self._take_moves(playing, given, np.broadcast_to(is_next, self._state.node.shape))
 
     def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
         """Return groups of games whose legal moves are in one table, with their states."""
