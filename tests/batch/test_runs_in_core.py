@@ -75,7 +75,7 @@ def left_behind(ctx):
     ]
     return (
         *(agents, dict(game.moves), game.tracks(game.agents), repr(game.data), dict(game.facts), game.events),
-        *([(name, dict(memory)) for name, memory in game.memories.items()], game.errors, dict(game.scores), trails),
+        *({name: dict(memory) for name, memory in game.memories.items()}, game.errors, dict(game.scores), trails),
         *(dict(game.counts), dict(game.internals.state.blocked), list(map(type, game.scores.values())), game.over),
     )
 

@@ -42,6 +42,15 @@ _REASONS = {"error": "its strategy or plan raised an error", "overrun": "its str
 COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> name of its count
 
 
+def _refuse_edges() -> list[tuple[int, ...]]:
+    """Refuse to list legal edges in a copy.
+
+    Raises:
+        BadValue: always.
+    """
+    raise BadValue("A copy of what a plan is given has legal_edges only if they were read before it was copied.")
+
+
 class TeamArrays:
     """The argument of a plan of arrays: the living agents of its team, in the order of names; arrays are read-only.
 
@@ -76,6 +85,9 @@ class TeamArrays:
         self.team_memory = team_memory
         self.draw = ArrayDraws(partial(commanded.draw_keys, seed), np.array([turn]))
         self._seed = seed
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_list_edges": _refuse_edges}  # the game, which lists them, is not copied
 
     @cached_property
     def nodes(self) -> IntArray:
