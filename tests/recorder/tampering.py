@@ -38,7 +38,7 @@ JUNK = [
     *(np.zeros(0), np.arange(3), np.zeros((2, 2))),
 ]
 KEYS = ["nobody", "red", "blue0", "red0", 5, None, (1, 2)]
-PARTS = ("data", "memories", "team_memories", "facts", "scores", "events", "starts", "turn")
+PARTS = ("data", "memories", "team_memories", "facts", "scores", "events", "starts", "turn", "named_edges", "driven")
 
 
 class Builder:
@@ -166,7 +166,28 @@ def robots(ctx=None):
     return make.rules(drive("red0", robot, limit_s=2.0), rules.time_limit(30))
 
 
-GAMES = {one.__name__: one for one in (tags, flags, flags_by_metres, places, beliefs, arrays, robots)}
+def names_edges(state):
+    state["action"] = {"edge": state["draw"].choice(state["legal_edges"])}
+
+
+def cars(ctx=None):
+    make = Builder(ctx)
+    graph = make.ctx.graph.graph
+    if make.is_new:
+        leaving = {}
+        for id in graph.get_edges():
+            leaving.setdefault(graph.get_edge(id).source, []).append(id)
+        for id in [*graph.get_edges()]:
+            then = leaving[graph.get_edge(id).target][0]
+            last = leaving[graph.get_edge(then).target][0]
+            graph.update_edge({"id": id, "drive": True, "forbidden_turns": {"drive": [[then, last]]}})
+    mode = {"attribute": "drive", "turns": True}
+    make.team("red", strategies.random_walk, strategies.random_waypoints(make.ctx), nodes=[12, 3], mode=mode)
+    make.team("blue", names_edges, nodes=[24])
+    return make.rules(rules.time_limit(30))
+
+
+GAMES = {one.__name__: one for one in (tags, flags, flags_by_metres, places, beliefs, arrays, robots, cars)}
 
 
 class RecordedGame:

@@ -91,6 +91,9 @@ WRONG = [
     ),
     ("beliefs", ("memories", "red0", "belief map"), 5, r"\['belief map'\] of agent 'red0' must be a text, not 5"),
     ("arrays", ("data", "array functions"), {"storm": {"level": 3}}, "must be an array of one game, not 3"),
+    ("cars", ("driven", "red0"), 5, "must be lists of ids by name, not {'red0': 5"),
+    ("cars", ("driven", "red0"), ["a"], "must be lists of ids by name, not {'red0': "),
+    ("cars", ("named_edges", "blue0"), (1, "a"), "must be a dict of pairs of a turn and an edge, not "),
     ("robots", ("data", "robots"), 3, r"ctx\.game\.data\['robots'\] must be a dict, not 3"),
     ("tags", ("scores",), [("red", 10**400)], "The score of 'red' must fit into a float"),
     ("tags", ("turn",), 1 << 62, "The number of turns must be an integer from 0 to"),
@@ -127,6 +130,19 @@ def test_a_belief_refuses_to_follow_more_turns_than_a_game_can_have(turn):
     game = recorded(GAMES["beliefs"])
     with pytest.raises(TooLarge, match=f"at most 100,000, and this is turn {turn:,}"):
         go_on(game, game.changed(("turn",), turn), "built")
+
+
+def test_edges_that_do_not_follow_each_other_do_not_count_as_driven():
+    game = recorded(GAMES["cars"])
+    last = game.begin["driven"]["red0"][-1]
+    for edges in ([last, last], [9999, last], [1 << 80], [*range(60), last]):
+        data = game.changed(("driven", "red0"), edges)
+        with game.build() as ctx, gamms.recorder.open(io.BytesIO(data)) as recording:
+            recording.resume(0, ctx=ctx)
+            driven = ctx.game.internals.parts.turns.legality.find_driven("red0")
+            assert driven == ((last,) if last in edges else ())
+            ctx.game.step()
+            assert not ctx.game.errors
 
 
 def walkers(ctx=None):

@@ -249,6 +249,44 @@ def test_a_closed_road_behind_an_agent_lets_it_begin_there(corner):
     assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (1, 2)}
 
 
+def test_a_road_behind_an_agent_that_is_closed_to_its_mode_lets_it_begin_there(corner):
+    goes = strategies.goto(corner, 3)
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR)
+    agent.strategy = lambda state: goes(state) if state["turn"] else state.update(action=1)
+    corner.game.on_illegal = "raise"
+    corner.game.step()
+    corner.graph.graph.update_edge({"id": 0, "drive": False})
+    corner.game.step()
+    assert agent.current_node_id == 3
+
+
+def test_an_edge_that_is_elsewhere_now_was_not_driven(corner):
+    corner.graph.graph.update_edge({"id": 0, "forbidden_turns": {"drive": [[2, 3]]}})
+    car, seen = follow(1, 2)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    for _ in range(2):
+        corner.game.step()
+    assert corner.game.internals.state.driven == {"car": (0, 2)}
+    corner.graph.graph.remove_edge(0)
+    corner.graph.graph.add_edge({"id": 0, "source": 3, "target": 0, "length": 10.0, "drive": True})
+    corner.game.step()
+    assert seen[-1][1:] == ((2, 1), (3,))
+    assert not corner.game.errors
+
+
+def test_an_agent_without_turns_has_driven_nothing_even_with_the_name_of_one_that_has(corner):
+    car, _ = follow(1)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    corner.game.step()
+    corner.agent.delete_agent("car")
+    again, _ = follow(1, 3)
+    corner.agent.create_agent("car", start_node_id=0, strategy=again)
+    for _ in range(2):
+        corner.game.step()
+    assert corner.game.internals.parts.turns.legality.find_driven("car") == ()
+    assert corner.agent.get_agent("car").current_node_id == 3
+
+
 @pytest.fixture(scope="module")
 def town(tmp_path_factory):
     """A folder with the file of a map with restrictions."""

@@ -294,9 +294,10 @@ def as_driven(value: object) -> dict[str, tuple[int, ...]]:
         BadType: the value is not such a mapping.
     """
     each = value.items() if isinstance(value, Mapping) else [(None, ())]
-    if not all(isinstance(name, str) and all(type(id) is int for id in edges) for name, edges in each):
+    found = {name: tuple(edges) if isinstance(edges, tuple | list) else (None,) for name, edges in each}
+    if not all(isinstance(name, str) and all(type(id) is int for id in edges) for name, edges in found.items()):
         raise BadType(f"The edges that agents have moved along must be lists of ids by name, not {shown(value)}.")
-    return {str(name): (*edges,) for name, edges in each}
+    return cast("dict[str, tuple[int, ...]]", found)
 
 
 def as_looks(value: object) -> dict[int, dict[str, Any]]:

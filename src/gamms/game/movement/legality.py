@@ -264,16 +264,26 @@ class Legality:
 
         Empty: it obeys no turn restrictions, begins on its node, or was placed there.
         """
+        known = self._state.driven.get(name, ())
+        if not known:
+            return ()
         block = self._ctx.agent.block
         row = block.row_of(name)
-        roads = self.travel.roads
-        known = self._state.driven.get(name, ())
-        gone = [place for place, edge in enumerate(known) if roads.on(edge) is None]
-        edges = known[gone[-1] + 1 :] if gone else known
-        if not edges:
+        mode = block.modes[row]
+        if mode is None or not split_mode(mode)[1]:
             return ()
-        source, target, _ = roads.edge_ids[roads.edge_rows[edges[-1]]]
-        return edges if (source, target) == (block.previous_of(row), block.node_of(row)) else ()
+        roads = self.of_mode(mode).travel.roads
+        walk: list[tuple[int, int, int]] = []  # the ids of the ends of each edge, and its own
+        for edge in known:
+            place = roads.on(edge)
+            ends = None if place is None else roads.edge_ids[place]
+            if ends is None or edge not in roads.list_edges(ends[0]):  # it was removed, or closed to the mode
+                walk = []
+            else:
+                walk = [*walk, ends] if walk and walk[-1][1] == ends[0] else [ends]
+        if not walk or walk[-1][:2] != (block.previous_of(row), block.node_of(row)):
+            return ()
+        return tuple([edge for *_, edge in walk])
 
     def _keep_driven(self, mover: AgentSlot) -> None:
         """Forget the edges that an agent has driven if they do not lead to its node any more: it begins there."""
