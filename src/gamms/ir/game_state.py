@@ -337,7 +337,8 @@ class GameState:
         messages: messages sent on channels, with receivers and arrival turns, in order, append-only: see `ir.messages`.
         blocked: agent -> reason why its last action was not performed; only for blocked agents.
         named_edges: agent -> the number of a turn, and the id of the edge that its action has named and that it has
-            taken in this turn: of the last turn in which any agent has; replaced, never mutated.
+            taken in this turn, or that an agent that obeys turn restrictions has taken: of the last turn in which any
+            agent has; replaced, never mutated.
         driven: agent that obeys turn restrictions -> the ids of the last edges that it moved along, as many as matter
             for the next turn, the latest last; they count while the agent is at the end of the last one.
         facts: published facts, read-only values; this dict object is never replaced.
