@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, assert_as_alone, plain, scene
 
 import gamms
 from gamms.errors import BadValue
@@ -55,6 +55,16 @@ def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(spee
             for number, seed in enumerate(games.seeds):
                 alone.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.run())
+
+
+def test_what_agents_that_are_not_there_yet_would_fly_counts_for_nothing():
+    with (
+        flying().build(seed=2, strategies={"air": climb}) as ctx,
+        ctx.game.fork(0).ctx as alone,
+        ctx.game.batch(seeds=[3], most_agents={"air": ["air_9"]}) as games,
+    ):
+        games.run()
+        assert_as_alone(games, alone)
 
 
 def test_agents_that_fly_are_in_no_conflicts_and_meet_others_in_the_air_alone():

@@ -629,7 +629,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         given = form(self)
         if not self.flies:
             return self._checked(given, name)
-        return as_flights(given, f"{name}: what an agent that flies does", self.node.shape)
+        return as_flights(given, f"{name}: what an agent that flies does", self.node.shape, self.mask)
 
     def _checked(self, given: object, by: str) -> IntArray:
         """Return actions as integers (games, agents), 0 for dead agents.
@@ -657,10 +657,11 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         return chosen
 
 
-def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
-    """Return given flights as a checked array of these numbers of games and agents."""
+def as_flights(given: object, what: str, shape: tuple[int, int], mask: BoolArray | None = None) -> FloatArray:
+    """Return given flights as a checked array of these numbers of games and agents; those not in a mask may be NaN."""
     flights = as_array(given, what, "numbers")
-    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
+    are_of_shape = flights.shape == (*shape, 3) and flights.dtype.kind != "b"
+    if not are_of_shape or not np.isfinite(flights if mask is None else flights[mask]).all():
         raise BadValue(
             f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
             f"{flights.shape}."
