@@ -49,6 +49,8 @@ def busy(state):
 
 def curious(state):
     """Do what follows from all that the agent sees, knows and remembers, and from why its last action was not done."""
+    if state["draw"].below(12) == 0:
+        state["memory"]["ahead"] = state["fork"](state["turn"]).game.turn
     attentive(state, state["blocked"])
 
 
@@ -233,6 +235,8 @@ def refuse(ctx):
         lot = draw.random()
         if lot < 0.2:
             ctx.game.refuse(name, "a lot", None if lot < 0.1 or not ctx.game.deeds else "scan")
+    if draw.random() < 0.1:
+        ctx.game.max_turns = 9
 
 
 def refuses(_):
@@ -305,6 +309,8 @@ class FirstOnly:
 
     def resolve(self, moves, ctx):
         last = {move.end: name for name, move in moves.items()}
+        if ctx.game.turn == 4 and ctx.seed % 3 == 0:
+            ctx.game.max_turns = 8
         return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
 
 

@@ -1,5 +1,7 @@
 """Games of a batch in which plain functions do what games that share a context cannot: they equal the games alone."""
 
+import logging
+
 import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, assert_as_shown, plain, scene
@@ -10,6 +12,7 @@ from gamms.rules import Conflicts
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+SAID = logging.getLogger("tests of games that leave")
 RADIO = {"radio": {"range_m": 30.0}}
 
 
@@ -526,3 +529,99 @@ def slow_down(ctx):
         for number in range(3):
             alone = scenario.play(seed=games.seeds[number], strategies={"red": turn_by_seed})
             assert plain(games.result(number)) == plain(alone)
+
+
+def make_walker(ctx, act):
+    """Return a strategy that walks by what it has drawn and remembers, and acts in some games in its third turn."""
+
+    def walk(state):
+        legal, seen = state["legal"], state["memory"].setdefault("seen", [])
+        seed = ctx.game.scores["seed"]
+        SAID.warning(f"seed {seed}, turn {state['turn']}, {state['name']}")
+        seen.append([len(data) for _, data in state["sensor"].values()])
+        state["action"] = legal[(state["draw"].below(9) + sum(map(sum, seen))) % len(legal)]
+        state["team_memory"][state["name"]] = state["curr_pos"]
+        if "outbox" in state:
+            state["outbox"].append({"channel": "radio", "to": None, "body": len(state["inbox"])})
+        if state["turn"] == 3 and seed % 2 and state["name"] != "red_0":
+            act(ctx, state)
+
+    return walk
+
+
+def look_ahead(_, state):
+    state["memory"]["ahead"] = state["fork"](1).game.turn
+
+
+def count_memories(ctx, state):
+    state["memory"]["known"] = len(str(ctx.game.memories))
+
+
+def read_flags(ctx, state):
+    state["memory"]["known"] = len(str(ctx.game.data["flags"]))
+
+
+def go_back_and_forth(_, state):
+    state["action"] = [state["curr_pos"], state["legal"][-1], state["curr_pos"]]
+
+
+def go_on_an_edge(_, state):
+    state["action"] = {"edge_id": state["legal_edges"][0]}
+
+
+def fail_after_reading(ctx, state):
+    if len(ctx.game.memories) > 0 and state["name"] == "red_2":
+        raise ZeroDivisionError
+
+
+DECIDES = [look_ahead, count_memories, read_flags, go_back_and_forth, go_on_an_edge, fail_after_reading]
+HOW = {
+    "channels": {"channels": RADIO},
+    "deeds": {"settings": {"deeds": {"rest": {}}}},
+    "metres": {"settings": {"speed_unit": "metres"}},
+    "edges": {"settings": {"speed_unit": "edges"}},
+    "order": {"settings": {"order": [["red"], ["blue"]]}},
+    "later": {"settings": {"order": [["blue"], ["red"]]}},
+}
+
+
+@pytest.mark.parametrize(("act", "how"), [(act, "plain") for act in DECIDES] + [(count_memories, how) for how in HOW])
+def test_a_game_that_leaves_while_agents_decide_goes_on_there(act, how, caplog):
+    def note_look(node):
+        SAID.warning(f"look {ctx.seed} {ctx.game.turn}")
+        return [node % 7]
+
+    def note_seed(ctx):
+        ctx.game.scores["seed"] = ctx.seed
+
+    @gamms.array_strategy
+    def turn_left(view):
+        return (view.draw.below(view.counts) + view.turn[:, None]) % view.counts
+
+    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
+    team = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}
+    if how in ("metres", "edges"):
+        team["speed"] = 8.0 if how == "metres" else 2
+    options = HOW.get(how, {})
+    with scene([FLAGS], teams={"red": team, "blue": team}, sensors=eyes, max_turns=6, **options).build(seed=1) as ctx:
+        ctx.game.on_error = ctx.game.on_illegal = "stay"
+        walk = make_walker(ctx, act)
+        ctx.game.add(note_seed, phase="before")
+        odd = ctx.sensor.from_function("odd", note_look)
+        for agent in ctx.agent.create_iter():
+            if agent.team == "red":
+                agent.strategy = walk
+            elif agent.name == "blue_1":
+                agent.strategy = turn_left
+            elif agent.name == "blue_2":
+                agent.register_sensor("odd", odd)
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(2):
+                games.step()
+            games.run()
+            said = [f"seed {s}, turn {t}, red_{i}" for s in range(4) for t in range(6) for i in range(3)]
+            assert sorted(one for one in caplog.messages if one.startswith("seed")) == said
+            looks = [f"look {seed} {turn}" for seed in range(4) for turn in range(6)]
+            assert sorted(one for one in caplog.messages if one.startswith("look")) == looks
+            assert [*games.detached] == [1, 3] or act in (go_back_and_forth, go_on_an_edge)
+            assert_as_alone(games, alone)

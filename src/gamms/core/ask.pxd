@@ -74,7 +74,7 @@ cdef class GamesInContext:
     cdef list _rows
     cdef const i64[::1] _stop
     cdef public list core_facts, lasts
-    cdef public object why, raised, row, journal, looks
+    cdef public object why, read_of_core, raised, row, journal, looks
     cdef public TurnCounter table
     cdef public i64 epoch
     cdef public bint has_more

@@ -397,6 +397,7 @@ class GamesInContext:
 
     Attributes:
         why: why the game leaves the batch that is shown; "": it does not.
+        read_of_core: what functions have read or replaced in this game that only the core has, in words; "": nothing.
         raised: what the function has raised that was called last; None: nothing.
         row: what Python holds of it, as a `RowValues`; None: as at the start.
         facts_shown: its facts before the function that is called.
@@ -423,6 +424,7 @@ class GamesInContext:
         self.facts_shown: dict[str, Any] = facts
         self.core_facts: list[tuple[str, list[Any]]] = []
         self.why = ""
+        self.read_of_core = ""
         self.raised: BaseException | None = None
         self.row: Any = None
         self.journal: Any = None
@@ -442,6 +444,14 @@ class GamesInContext:
 
     def leave(self, what: str) -> None:
         """Move the game to a context of its own; the argument says why, in words."""
+        raise NotImplementedError
+
+    def go_alone(self, what: str) -> None:
+        """Let the game go on in a context of its own; the argument says why, in words."""
+        raise NotImplementedError
+
+    def say_why(self, what: str) -> None:
+        """Set why the game leaves, unless it is known."""
         raise NotImplementedError
 
     def note_looks(self, *, has_drawn: bool) -> None:
@@ -557,13 +567,18 @@ class GamesInContext:
                 for name, template in asked.templates:
                     as_dict(template)["memory"] = memories[name]
                 answers = asker.ask(asked) if asks_anew else turns.decide(asked.order, asked.part)
+                if self.read_of_core:
+                    self.go_alone(self.read_of_core)
                 is_common = not (answers.actions or answers.failures or answers.written or row.undone)
                 if takes_all or not is_common or answers.paths is not None:
                     asker.take_decisions(answers, asked)
                 if wanted is not None:
                     write_ends(answers, asked.places, wanted, places[at] * len(asked.places))
-            except Exception:
-                if not self.why:
+            except BaseException as error:
+                if self.read_of_core and not self.why:
+                    self.raised = error
+                    self.say_why(self.read_of_core)
+                elif not self.why or not isinstance(error, Exception):
                     raise
             for slot in told:
                 slot.set_blocked(None)

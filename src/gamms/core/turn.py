@@ -837,6 +837,7 @@ class GameTurn(TurnDriver):
         is_deciding: whether agents are observing and deciding now.
         is_moving: whether agents are deciding and moving now.
         seed_changes: the number of changes of the context's seed.
+        made: decisions of agents that were made before, in a batch; None: none were. Any: the game has its own class.
         observers: called in every turn with the agents and their states before any agent decides, in order.
         order_now: the agents; None: they are not known.
         moves_of: the agents with which the moves of the turn began.
@@ -884,6 +885,7 @@ class GameTurn(TurnDriver):
         self.is_deciding = False
         self.is_moving = False
         self.seed_changes = 0
+        self.made: Any = None
         self.observers: list[Any] = []
         self.order_now: Any = None
         self.moves_of: Any = None
@@ -967,6 +969,10 @@ class GameTurn(TurnDriver):
 
     def _ask_at_arrivals(self, order: Any, part: Any, observers: Any) -> Any:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
+        raise NotImplementedError
+
+    def _ask_left(self, order: Any, part: Any) -> None:
+        """Ask the agents of a part whose decisions are not made, and take the others."""
         raise NotImplementedError
 
     def _ask_part(self, answers: Any, part: Any, seen: Any) -> None:
@@ -1098,7 +1104,9 @@ class GameTurn(TurnDriver):
         agents observe first.
         """
         answers = self.answers
-        if observers or paths is not None or not self.decide_in_core(order, part):
+        if self.made is not None:
+            self._ask_left(order, part)
+        elif observers or paths is not None or not self.decide_in_core(order, part):
             if self.phase.read_turn is not None:
                 self.forget_states()
             self.decide(order, part, observers, paths)

@@ -368,6 +368,7 @@ class GamesOnOneMap:
         if not self.core.arrival:
             self._fly_as_given(games, is_given & (self.core.part_of == part))
         self._call_each(games, part, is_given, here)
+        games = games[self.state.is_going[games]]  # others have left
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]

@@ -609,7 +609,8 @@ class Game(Surface, RuleVerbs):
         own_seed = kernels.purpose_key(as_int(seed, "seed"), "private fork") >> 1
         names = tuple(sorted(self._phase.names()))
         with self._phase.suspended():
-            source = ForkSource(self._snapshots, only_plain=False)
+            known = None if information == "full" else names
+            source = ForkSource(self._snapshots, only_plain=False, names=known)
             ctx, memo = source.make_context(own_seed)
             game: Game = ctx.game
             if information == "full":

@@ -632,17 +632,19 @@ def _sort_rules(rules: Sequence[NamedRule]) -> tuple[NamedRule, ...]:
 
 
 class BegunPhase(NamedTuple):
-    """A phase of rules that was begun in a batch; the game goes on in it in a context of its own.
+    """A phase of the turn that was begun in a batch; the game goes on in it in a context of its own.
 
     Attributes:
-        phase: the name of the phase.
+        phase: the name of the phase: "before", "deeds" or "after", in which rules are called; "check" or "give way",
+            whose functions were all called; or "decide".
         rules: the rules of the game when the phase began.
         called: how many of the rules that the phase calls were called.
         order: the order of play in this turn; None: all agents move at once.
-        part: the part of the turn, for the phase "deeds".
-        raised: what the last of them has raised; None: nothing.
+        part: the part of the turn, for phases of one.
+        raised: what the function has raised that was called last; None: nothing.
         collects: whether the collectors of the turn are still to be called.
         sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
+        decided: the decisions that were made, as `MadeDecisions`; None: none were. Any: the class imports this module.
     """
 
     phase: str
@@ -653,6 +655,7 @@ class BegunPhase(NamedTuple):
     raised: BaseException | None = None
     collects: bool = True
     sensed: frozenset[tuple[str, str]] = frozenset()
+    decided: Any = None
 
     @classmethod
     def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int) -> "BegunPhase":

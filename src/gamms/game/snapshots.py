@@ -1,6 +1,6 @@
 """Operations on whole games: snapshots, forks, and the interface `ctx.game.internals` for engines and clients."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from copy import copy, deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -205,6 +205,7 @@ class ForkSource:
         parts: the parts of the game.
         only_plain: whether the fork may be made later. Then all values are copied now, and what functions hold is
             noted; otherwise they are the values of the game.
+        names: the agents whose last states the fork has; None: all.
 
     Attributes:
         snapshot: the game.
@@ -215,7 +216,7 @@ class ForkSource:
         NotPlain: `only_plain`, and the game has other objects than plain values, functions and parts of the context.
     """
 
-    def __init__(self, parts: SnapshotTaker, *, only_plain: bool) -> None:
+    def __init__(self, parts: SnapshotTaker, *, only_plain: bool, names: Collection[str] | None = None) -> None:
         self._state = parts.state
         self._game = parts.ctx.game
         if parts.turns.phase.read_looks is not None:
@@ -224,7 +225,8 @@ class ForkSource:
             parts.take(GameState.plain_copies, _plain_values) if only_plain else parts.take(GameState.values, dict)
         )
         self.agents = self.snapshot.agents
-        self.agents.states = [dict(state) for state in self.agents.states]
+        each = zip(self.agents.roster.agents, self.agents.states, strict=True)
+        self.agents.states = [dict(state) if names is None or one.name in names else {} for one, state in each]
         self._team_memories = [state.get("team_memory") for state in self.agents.states]
         self._settings: dict[str, Any] = self.snapshot.part("settings")
         self.held: dict[int, Any] = {}

@@ -10,10 +10,10 @@ from threading import get_ident
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from gamms.core.turn import GameTurn, ShippedDecisions, TurnPlan
+from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
-from gamms.game.decisions import Decisions
+from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.deeds import list_lasting, performed_deeds
 from gamms.game.facts import PrivateForks
 from gamms.game.lasting import doing_of
@@ -45,6 +45,8 @@ _FEWEST_DECIDED = 2  # agents for which to let the core decide takes no longer t
 _FEWEST_BESIDE = 4  # and if others are asked
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
+_LAST_PLAYED = {"check": "act", "deeds": "act", "give way": "give way"}
+"""The phases of a part of the turn that a game has played in a batch, when it has left in one; see `BegunPhase`."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -66,13 +68,14 @@ class TurnEngine(GameTurn):
 
     Attributes:
         legality: says which nodes and edges are legal for agents.
-        begun: the phase of rules in which the game goes on that has left a batch; None: turns begin as usual.
+        begun: the phase in which the game goes on that has left a batch; None: turns begin as usual.
         refusals: collects refusals of rules during their checks; else None.
         messages: the messages that agents send and hear.
         read_inbox: returns the messages that an agent hears, by its name.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
         find_shipped: returns the decisions of the agents of an order in the core, see `native.ShippedFinder`; None:
             they are always asked.
+        seen: slot -> state, in the last part of a turn in which all observed before any decided.
         departed_teams: team -> the number of names of deleted agents that were in it when they were deleted last.
     """
 
@@ -116,6 +119,8 @@ class TurnEngine(GameTurn):
         self.prepared = -1
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
+        self.seen: dict[int, dict[str, Any]] = {}
+        self._sensed: Mapping[str, dict[str, Any]] = {}  # agent -> the data of its sensors, called in a batch
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.messages = GameMessages(ctx, settings, state)
         self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.received
@@ -310,6 +315,9 @@ class TurnEngine(GameTurn):
 
     def sensed(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current data of the sensors of an agent."""
+        known = self._sensed.get(slot.name)
+        if known is not None:
+            return known
         sensed: dict[str, Any] = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = own_copy(name, *sensed[name])
@@ -446,12 +454,12 @@ class TurnEngine(GameTurn):
                     self._apply_rules("before")
                 if self.state.over is None:
                     self.play_turn()
-            elif begun.phase == "deeds":
-                self.begun = None
-                self._finish_deeds(begun)
-                self._finish_with(self.after)
-            else:
+            elif begun.phase == "after":
                 self._finish_with(partial(self._finish_after, begun))
+            else:
+                self.begun = None
+                self._finish_moves(begun)
+                self._finish_with(self.after)
         finally:
             self.begun = None
 
@@ -468,8 +476,8 @@ class TurnEngine(GameTurn):
         if begun.collects and self.collectors.by_name:
             self._collect()
 
-    def _finish_deeds(self, begun: BegunPhase) -> None:
-        """Play the rest of the phase "deeds" in a part of the turn, and the later phases until all have moved."""
+    def _finish_moves(self, begun: BegunPhase) -> None:
+        """Play the rest of a phase of a part of the turn, and the later phases until all have moved."""
         self.groups = begun.order
         self.is_moving = True  # another order of play is for the next turn
         plan = self.plan()
@@ -478,18 +486,37 @@ class TurnEngine(GameTurn):
         self.part = begun.part
         self._ctx.agent.block.placed.update(placed)
         try:
-            turn = self.state.moves
-            self.rules.apply("deeds", self.state, begun)
-            self._follow_deeds(turn, may_be_closed=True)
+            self._finish_phase(begun)
             plan = self.plan()
-            played = [one for one in plan.entries if one.part == begun.part and one.phase in ("decide", "act")]
-            self.play_on(plan, plan.entries_after(played[-1]))
+            left = plan.entries_from(begun.part)
+            if begun.phase in _LAST_PLAYED:
+                phases = PHASES_OF_PART[: PHASES_OF_PART.index(_LAST_PLAYED[begun.phase]) + 1]
+                left = plan.entries_after([one for one in left if one.part == begun.part and one.phase in phases][-1])
+            self.play_on(plan, left)
         except BaseException as error:
             self.lose_moves(error)
             raise
         finally:
             self.end_moves()
             self._follow_order()
+
+    def _finish_phase(self, begun: BegunPhase) -> None:
+        """Play the rest of a phase before the moves; decisions that are made wait until the others are asked."""
+        turn: TurnMoves = self.state.moves
+        if begun.phase == "deeds":
+            self.rules.apply("deeds", self.state, begun)
+            self._follow_deeds(turn, may_be_closed=True)
+            return
+        if begun.raised is not None:
+            raise begun.raised
+        if begun.phase == "decide":
+            self.made = begun.decided
+            return
+        moving = self.order().moving
+        if turn.order.names == self.order().names:
+            moving.let_take_part(turn.took_part)  # also those that the function has put out of the game
+        if begun.phase == "check":
+            self._call_deeds(turn)
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()
@@ -513,9 +540,13 @@ class TurnEngine(GameTurn):
             else:
                 log.refuse(self.state.row, i, kind)
                 self._note_illegal(turn.slots[i], why)
-        log.note(list_lasting(self._settings.deeds))
+        self._call_deeds(turn)
+
+    def _call_deeds(self, turn: TurnMoves) -> None:
+        """Log the deeds that were not refused, and call the rules that execute them."""
+        self.state.deed_log.note(list_lasting(self._settings.deeds))
         revision = self._ctx.graph.graph.revision
-        if rules.apply("deeds", self.state):
+        if self.rules.apply("deeds", self.state):
             self._follow_deeds(turn, may_be_closed=self._ctx.graph.graph.revision != revision)
 
     def _follow_deeds(self, turn: TurnMoves, *, may_be_closed: bool) -> None:
@@ -644,6 +675,18 @@ class TurnEngine(GameTurn):
             self._block(order.slots[i], why)
         for slot, why in unsent:
             self._note_illegal(slot, why)
+
+    def _ask_left(self, order: TurnOrder, part: TurnPart) -> None:
+        """Ask the agents of a part whose decisions were not made in a batch, and take the others."""
+        made: MadeDecisions = self.made
+        self.made = None
+        self._sensed = made.sensed
+        try:
+            left = [i for i in part.members if order.names[i] not in made.ends]
+            self.decide(order, order.part_of(left, is_whole=False))
+        finally:
+            self._sensed = {}
+        self.answers.take_made(made, order.index_of)
 
     def _ask_part(self, decisions: Decisions, part: TurnPart, seen: dict[int, Any] | None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
@@ -794,6 +837,7 @@ class TurnEngine(GameTurn):
     ) -> dict[int, dict[str, Any]]:
         """Return slot -> state, for parts in which all agents have to observe before any decides."""
         seen = {i: self.observation(order.slots[i]) for i in part.present(part.observing)}
+        self.seen = seen
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen

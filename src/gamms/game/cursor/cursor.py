@@ -13,7 +13,7 @@ from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import GameArrays, GameRow
+from gamms.game.block.state import GameArrays, GameRow, LeavesSharedContext
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame
@@ -142,6 +142,12 @@ class Cursor:
         can_keep = has_same_agents or not GameRow.of(self._state, number).keeps_for_agents
         return can_keep and not self._called.first.has_begun_turn
 
+    def _begin_phase(self, phase: str, part: int) -> BegunPhase | None:
+        """Return a phase of a part of the turn, if games can leave in it and go on from there; None: they cannot."""
+        if self._core.arrival is not None:
+            return None
+        return BegunPhase(phase, self._parts.rules.now.rules, 0, self._parts.settings.order, part=part)
+
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
         if not self._shown.has_changed_shared:
@@ -174,7 +180,7 @@ class Cursor:
 
     def check(self, games: IntArray, part: int) -> None:
         """Call the rules that may refuse moves and deeds of a part of the turn, in each of these games."""
-        self._call_each(self._check, games, part=part)
+        self._call_each(self._check, games, part=part, begun=self._begin_phase("check", part))
 
     def _check(self) -> None:
         number = self._pointed.number
@@ -218,7 +224,7 @@ class Cursor:
     def give_way(self, games: IntArray, part: int) -> None:
         """Keep agents in place that lose conflicts decided by a function, in these games."""
         with self._after_joining():
-            self._call_each(self._give_way, games, part=part)
+            self._call_each(self._give_way, games, part=part, begun=self._begin_phase("give way", part))
 
     def _give_way(self) -> None:
         moves = self._shown.read("moves")
@@ -333,11 +339,13 @@ class Cursor:
         return f"In game {self._pointed.number} of a batch, with the seed {self._state.seeds[self._pointed.number]}."
 
     @contextmanager
-    def _deciding(self, games: IntArray) -> Iterator[None]:
-        """Let agents observe and decide in games at which the context is pointed."""
+    def _deciding(self, games: IntArray, begun: BegunPhase | None) -> Iterator[None]:
+        """Let agents observe and decide in games at which the context is pointed; see `_begin_phase`."""
         turns = self._turns
         self._begin()
         self._shown.has_ended = False
+        self._shown.raised = None
+        self._shown.begun = begun
         turns.is_playing = True
         turns.is_moving = True
         try:
@@ -350,6 +358,7 @@ class Cursor:
             turns.is_playing = False
             turns.is_moving = False
             turns.legality.set_time(0.0)
+            self._shown.begun = None
             self._shown.forget_looks()
         self._have_left(games)
 
@@ -374,6 +383,7 @@ class Cursor:
         else:
             self._find_asked = partial(self._find_arriving, here, agents, observing)
         self._deeds = PlainDeeds(part, [])
+        self._turns.part = part
         if self._core.courses is not None:
             self._core.courses.routes.forget()
 
@@ -383,7 +393,7 @@ class Cursor:
             blocked = [are_blocked[i] for i in which.tolist()]
             return shown.ask_agents(some, self, blocked, places[which].tolist())
 
-        with self._deciding(games):
+        with self._deciding(games, self._begin_phase("decide", part)):
             self._play(games, ask)
         if self._deeds.given and not self._core.arrival:
             state.deed_log.want(self._deeds)
@@ -433,7 +443,7 @@ class Cursor:
     def take_decisions(self, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the decisions of agents of the current game, but for moves to nodes."""
         if not self._shown.cached.sees_world_only:
-            self._take_what_sensors_change()
+            self._take_what_sensors_change(asked)
         if self._state.flights is not None:
             self._choose_flights(self._state.flights, decisions, asked)
         if self._core.courses is not None:
@@ -464,11 +474,22 @@ class Cursor:
         )
         return decisions
 
-    def _take_what_sensors_change(self) -> None:
-        """Write the changes that custom sensors made before agents decided."""
-        if self._shown.journal.log or self._shown.journal.progressed or self._shown.has_ended:
-            self._shown.leave("that is a sensor changes agents or ends the game")
-        self._shown.take()
+    def _take_what_sensors_change(self, asked: AskedAgents) -> None:
+        """Write the changes that custom sensors made before agents decided.
+
+        A game that leaves begins again if agents are left that would have looked before some of the changes.
+        """
+        shown = self._shown
+        try:
+            if shown.journal.log or shown.journal.progressed or shown.has_ended:
+                shown.go_alone("that is a sensor changes agents or ends the game")
+            shown.take()
+        except LeavesSharedContext:
+            lives = np.frombuffer(shown.block.alive.tobytes(), np.bool_)
+            decides = self._core.part_of[self._pointed.population.numbers] == self._deeds.part
+            if len(asked.part.observing) < np.count_nonzero(lives & decides):
+                shown.begins_again = True
+            raise
 
     def _choose_flights(self, flights: TurnFlights, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the flights that agents of the current game have chosen."""
@@ -482,7 +503,7 @@ class Cursor:
         """Store the routes that agents of the current game have chosen."""
         for i, name in asked.members:
             if not routes.choose(self._pointed.number, self._shown.number_of[name], decisions, i):
-                self._shown.leave("chooses a route with an edge that it repeats")
+                self._shown.go_alone("chooses a route with an edge that it repeats")
 
     def _take_uncommon(self, decisions: Decisions, asked: AskedAgents) -> None:
         """Store turns of agents, and why actions failed."""
@@ -490,13 +511,13 @@ class Cursor:
         for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
             track = None if paths is None else paths.track(i)
             if track is not None and len(track.path) > 2:
-                self._shown.leave("chooses a route over other nodes")
+                self._shown.go_alone("chooses a route over other nodes")
             if track is not None:
-                self._shown.leave("chooses a route that comes to the node on which it begins")
+                self._shown.go_alone("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.edge is not None:
-                self._shown.leave("chooses an edge by its id")
+                self._shown.go_alone("chooses an edge by its id")
             if action.heading != ():
                 self._state.turning.append((self._pointed.number, self._shown.number_of[named[i]], action.heading))
         decide = set(named.values())

@@ -133,6 +133,21 @@ class StartOfGame:
         """The object with the start places of agents."""
         return self
 
+    @property
+    def agents(self) -> Any:
+        """What agents know of others that look ahead: see `Snapshot.agents`."""
+        return self.pointed.at_rest.agents
+
+    @property
+    def sensors(self) -> Any:
+        """The same of sensors; see `Snapshot.sensors`."""
+        return self.pointed.at_rest.sensors
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The data of rules at the start; read-only."""
+        return self.pointed.at_rest.data
+
     def places_of(self, _: object) -> dict[str, Any]:
         """Return the start places of agents."""
         return {**self.read("began")}

@@ -18,6 +18,7 @@ from gamms.game.block.state import STOPPED, GameArrays, GameRow, LeavesSharedCon
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.own_functions import function_of_game
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
+from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ResolvedAction
@@ -187,7 +188,7 @@ class ShownGame(GamesInContext):
         part: the part of the turn in which agents are about to move; None: they are not.
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
-        begun: the phase of rules that is played, if a game can leave in it and go on from there; else None.
+        begun: the phase that is played, if a game can leave in it and go on from there; else None.
         begins_again: whether the game that leaves has to begin again, because a function reads values that the batch
             does not keep.
     """
@@ -218,7 +219,6 @@ class ShownGame(GamesInContext):
         self.has_ended = False
         self.begun: BegunPhase | None = None
         self.begins_again = False
-        self._read_of_core = ""  # what a function has read or replaced that only the core has
         pointed.hold()
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
         self.looks = GuardedDict({}, None, lambda _: self.leave("reads what agents have sensed"))
@@ -299,18 +299,22 @@ class ShownGame(GamesInContext):
     def leave(self, what: str) -> NoReturn:
         """Let the current game begin again in a context of its own; the argument says why, in words."""
         self.begins_again = True
-        self._go_alone(what)
+        self.go_alone(what)
 
-    def _go_alone(self, what: str) -> NoReturn:
-        """Move the current game to a context of its own; the argument says why, in words."""
+    def say_why(self, what: str) -> None:
+        """Set why the game leaves, unless it is known."""
         self.why = self.why or f"a plain function {what}"
+
+    def go_alone(self, what: str) -> NoReturn:
+        """Let the current game go on in a context of its own; the argument says why, in words."""
+        self.say_why(what)
         raise LeavesSharedContext(self.why)
 
     def _note_read(self, what: str) -> None:
         """Let the current game go on alone after the function that is called; the argument says why, in words."""
         if self.begun is None:
             self.leave(what)
-        self._read_of_core = self._read_of_core or what
+        self.read_of_core = self.read_of_core or what
 
     def take_along(self) -> Any:
         """Return the game that is shown, which leaves, in a context of its own; Any: it is a `Game`.
@@ -320,7 +324,12 @@ class ShownGame(GamesInContext):
         """
         begun = self.begun
         assert begun is not None  # noqa: S101 - else it begins again
-        earlier = self._show_decisions(begun) if self.part is not None else None
+        is_within = begun.phase not in ("before", "after")
+        earlier = self._show_decisions(begun) if is_within else None
+        if begun.phase == "decide":
+            decided = self._hand_over() if self.raised is None else None
+            begun = begun._replace(decided=decided)
+            self._forget_other_looks(decided)
         sensed = frozenset(key for key, last in lasts_of(self._ctx).items() if last[0] is not self.looks)
         for last in self.cached.lasts:
             if last[0] is self.looks:
@@ -351,12 +360,13 @@ class ShownGame(GamesInContext):
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
         parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
+        parts.turns.restore(source.snapshot.part("turns"))
+        parts.turns.phase.read_last_turn()  # before other agents decide
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
-        parts.turns.restore(source.snapshot.part("turns"))
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
-        if self.part is not None and self._state.radio is not None:
+        if is_within and self._state.radio is not None:
             self._state.radio.copy_admitted(number, parts.turns.messages)
         return ctx.game
 
@@ -371,15 +381,35 @@ class ShownGame(GamesInContext):
         games = np.array([number])
         here, _, took_part = (column[0] for column in self._core.next_moves(games, part))
         has_moved = self._core.part_of < part
-        moves: TurnMoves = self.read("moves")
-        for game, agent, heading in self._state.turning:
+        moves: TurnMoves | None = self.read("moves")
+        for game, agent, heading in self._state.turning if begun.phase != "decide" else ():
             if game == number:
+                assert moves is not None  # noqa: S101 - it has those of this turn
                 moves.turn_to(moves.order.index_of[self._state.roster.names[agent]], heading)
         if part == 0 or begun.order is None:
             return None
         starts, ends, _ = (column[0] for column in self._core.last_moves(games))
         starts, ends = (np.where(has_moved, column, here) for column in (starts, ends))
         return self._moves_between(starts, ends, took_part, has_moved).in_parts(begun.order)
+
+    def _hand_over(self) -> MadeDecisions:
+        """Return the decisions of the agents of the game, which were asked last."""
+        turns = self._turns
+        order, part = turns.asked_part
+        names = order.names
+        members = part.present(part.members)
+        others = {*part.present(part.observing)}.difference(members)
+        sensed = {names[i]: turns.seen[i]["sensor"] for i in others}
+        answers: Decisions = turns.answers
+        return answers.hand_over(members, sensed)
+
+    def _forget_other_looks(self, decided: MadeDecisions | None) -> None:
+        """Forget what agents have sensed, but for those of the game that leaves while they decide."""
+        have_decided = () if decided is None else decided.ends
+        have_looked = () if decided is None else {*decided.ends, *decided.sensed}
+        for (name, sensor), last in lasts_of(self._ctx).items():
+            if name not in (have_looked if sensor else have_decided):
+                last[0] = self.looks
 
     def _fill_fields(self) -> None:
         """Put what only the core has into the fields of the game that leaves."""
@@ -404,8 +434,12 @@ class ShownGame(GamesInContext):
         names = state.roster.names
         found = BlockedAgents(self.own_row().undone)
         told = {*found}
-        last = state.turn[number] - (self.part is None)
+        begun = self.begun
+        decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
+        if begun is not None and begun.phase == "decide":
+            decided = begun.part
         for error in state.errors.of(number):
+            last = state.turn[number] - (self._core.part_of[self.number_of[error["agent"]]] >= decided)
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
         for agent in np.flatnonzero(state.blocked[number]).tolist():  # in its last turn
@@ -627,9 +661,10 @@ class ShownGame(GamesInContext):
         if KEPT in self._called.core_keys:
             data[KEPT] = game.of_arrays
         if self._read.get("data") is data:  # else it was replaced
-            for rule in as_called(self._game.rules):
-                if rule.spec.show_arrays is not None:
-                    rule.spec.show_arrays(self._ctx, game, self._read["events"], None)
+            with self._phase.suspended(changes_world=False):
+                for rule in as_called(self._game.rules):
+                    if rule.spec.show_arrays is not None:
+                        rule.spec.show_arrays(self._ctx, game, self._read["events"], None)
 
     def _replace_data(self, data: dict[Any, Any]) -> None:
         if self._called.core_keys:
@@ -780,9 +815,9 @@ class ShownGame(GamesInContext):
         if have_facts:
             self._take_facts()
         if is_other and self._what_is_fixed() != self._fixed:
-            self._go_alone("changes settings, rules or collectors")
-        if self._read_of_core:
-            self._go_alone(self._read_of_core)
+            self.go_alone("changes settings, rules or collectors")
+        if self.read_of_core:
+            self.go_alone(self.read_of_core)
 
     def _take_rng(self, rng: Generator) -> None:
         """Store the random stream of a game."""
@@ -801,9 +836,9 @@ class ShownGame(GamesInContext):
         new = [agent for name, agent in agents.items() if known.get(name) is not agent]
         self._turns.note_departed()
         if not all(map(roster.can_hold, new)):
-            self._go_alone("creates agents for which most_agents= has reserved no rows")
+            self.go_alone("creates agents for which most_agents= has reserved no rows")
         if any(first.get(agent, own) != own for agent in agents.values() for own in [(agent.strategy, agent.sensors)]):
-            self._go_alone("changes strategies or sensors of agents")
+            self.go_alone("changes strategies or sensors of agents")
         self._attributes.keep(self.own_row())
         row = self.own_row()
         if row.moved is None or row.moved[0] != self._moment:
@@ -831,7 +866,7 @@ class ShownGame(GamesInContext):
         if "events" in read and len(read["events"]) != self._num_events:
             self._take_events()
         if "messages" in read and len(read["messages"]) != self._num_messages:
-            self._go_alone("changes ctx.game.messages")
+            self.go_alone("changes ctx.game.messages")
 
     def _take_events(self) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -844,7 +879,7 @@ class ShownGame(GamesInContext):
     def _take_roads(self) -> None:
         """Store the open roads of the game after a function call."""
         if not self._pointed.take_roads(self._pointed.number):
-            self._go_alone("changes more of the map than which roads are open")
+            self.go_alone("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Count the stops of agents by events that a function has added to the log of a game."""
@@ -862,7 +897,7 @@ class ShownGame(GamesInContext):
         columns = self._state.scores
         are_exact = {key for key, column in columns.items() if column.dtype == object}
         if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
-            self._go_alone("sets scores that are no numbers")
+            self.go_alone("sets scores that are no numbers")
         columns.put(self._pointed.number, scores)
 
     def _take_agents(self, journal: Journal) -> AgentBlock:
@@ -889,7 +924,7 @@ class ShownGame(GamesInContext):
         if AGENT_ATTRIBUTE in kinds:
             self._attributes.keep(self.own_row())
         if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
-            self._go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
+            self.go_alone("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
         for name in progressed:
             state.movement.clear(number, self.number_of[name])
@@ -923,9 +958,9 @@ class ShownGame(GamesInContext):
         self._facts_own = facts
         self.facts_shown = facts
         if changed & self._called.core_keys:
-            self._go_alone("publishes facts of rules in the core")
+            self.go_alone("publishes facts of rules in the core")
         if self._called.has_array_functions:
-            self._go_alone("publishes facts, which array functions may read")
+            self.go_alone("publishes facts, which array functions may read")
 
     def note_looks(self, *, has_drawn: bool) -> None:
         """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
@@ -939,7 +974,7 @@ class ShownGame(GamesInContext):
     def refuse_other_agents(self, what: str) -> None:
         """Let the game leave if a function has changed agents otherwise than by own attributes."""
         if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
-            self.leave(f"that is {what} changes agents")
+            self.go_alone(f"that is {what} changes agents")
 
     def cancel(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at."""
