@@ -625,3 +625,59 @@ def test_a_game_that_leaves_while_agents_decide_goes_on_there(act, how, caplog):
             assert sorted(one for one in caplog.messages if one.startswith("look")) == looks
             assert [*games.detached] == [1, 3] or act in (go_back_and_forth, go_on_an_edge)
             assert_as_alone(games, alone)
+
+
+def end_soon(ctx):
+    ctx.game.max_turns = 5
+
+
+def put_out(ctx):
+    ctx.game.eliminate(ctx.game.agents[0])
+
+
+def take_home(ctx):
+    ctx.agent.get_agent("red_1").current_node_id = 0
+
+
+class Resolver:
+    """Decides conflicts by name, and acts in some games."""
+
+    def __init__(self, act):
+        self._act = act
+
+    def resolve(self, moves, ctx):
+        if ctx.game.turn == 3 and ctx.seed % 2:
+            self._act(ctx)
+        last = {move.end: name for name, move in moves.items()}
+        return {name for name, move in moves.items() if last[move.end] != name}
+
+
+@pytest.mark.parametrize("where", ["check", "conflicts"])
+@pytest.mark.parametrize("act", [end_soon, put_out, take_home])
+def test_a_game_that_leaves_while_moves_are_refused_goes_on_there(act, where):
+    def rest(ctx):
+        ctx.game.scores["rested"] += len(ctx.game.performed("rest"))
+
+    def check(ctx):
+        for name in sorted(ctx.game.moves)[ctx.game.turn % 2 :: 3]:
+            ctx.game.refuse(name, "not now")
+        if where == "check" and ctx.game.turn == 3 and ctx.seed % 2:
+            act(ctx)
+
+    rest.check = check
+
+    def tire(state):
+        node = state["legal"][state["draw"].below(len(state["legal"]))]
+        state["memory"][state["turn"]] = state["blocked"]
+        state["action"] = {"node_id": node, "do": {"rest": {}}}
+
+    with scene([TAG], settings={"deeds": {"rest": {}}}, side=3, max_turns=7).build(seed=1) as ctx:
+        ctx.game.add(rest, phase="deeds")
+        if where == "conflicts":
+            ctx.game.conflicts = Resolver(act)
+        for agent in ctx.agent.create_iter():
+            agent.strategy = tire
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1, 3]
+            assert_as_alone(games, alone)

@@ -358,7 +358,8 @@ class ShownGame(GamesInContext):
         for name in self._read["memories"]:
             state.memory_of(name)
         parts.rules.unchecked = copy_rules(self._parts.rules.unchecked, memo)
-        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=self.raised, sensed=sensed)
+        raised = None if isinstance(self.raised, LeavesSharedContext) else self.raised
+        parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
         parts.turns.restore(source.snapshot.part("turns"))
         parts.turns.phase.read_last_turn()  # before other agents decide
