@@ -681,3 +681,65 @@ def test_a_game_that_leaves_while_moves_are_refused_goes_on_there(act, where):
             games.run()
             assert [*games.detached] == [1, 3]
             assert_as_alone(games, alone)
+
+
+@pytest.mark.parametrize("by_plan", [False, True])
+@pytest.mark.parametrize("seeds", [[1], [0, 1, 2, 3]])
+def test_an_error_of_a_strategy_because_of_which_a_game_leaves_names_it_and_the_turn_is_played_again(seeds, by_plan):
+    def note_seed(ctx):
+        ctx.game.scores["seed"] = ctx.seed
+
+    def walk(state):
+        calls = state["memory"]["calls"] = state["memory"].get("calls", 0) + 1
+        state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
+        if calls == 4 and state["name"] == "red_1" and ctx.game.scores["seed"] % 2 and len(ctx.game.memories):
+            raise ZeroDivisionError
+
+    def lead(states):
+        for state in states.values():
+            walk(state)
+
+    with scene([FLAGS], max_turns=6).build(seed=1) as ctx:
+        ctx.game.add(note_seed, phase="before")
+        for agent in ctx.agent.create_iter():
+            if agent.team == "red":
+                agent.strategy = walk
+        if by_plan:
+            ctx.game.command("red", lead)
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+            number = seeds.index(1)
+            for _ in range(3):
+                games.step()
+            with pytest.raises(ZeroDivisionError) as caught:
+                games.step()
+            assert f"In game {number} of a batch, with the seed 1." in caught.value.__notes__
+            assert games.turn.tolist() == [3] * len(seeds)
+            games.run()
+            alone.game.reset(seed=1)
+            with pytest.raises(ZeroDivisionError):
+                alone.game.run()
+            assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize("others", [False, True])
+def test_a_sensor_that_changes_a_setting_or_an_agent_lets_its_game_leave(others):
+    def change(node, _):
+        if ctx.seed % 2 and ctx.game.turn == 2:
+            ctx.game.max_turns = 5
+        if ctx.seed % 4 == 2 and ctx.game.turn == 3:
+            ctx.agent.get_agent("blue_0").current_node_id = 3
+        return node
+
+    def walk(state):
+        state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
+
+    with scene(max_turns=6).build(seed=1) as ctx:
+        odd = ctx.sensor.from_function("odd", change)
+        for agent in ctx.agent.create_iter():
+            if not others or agent.team == "red":
+                agent.strategy = walk
+        ctx.agent.get_agent("red_1").register_sensor("odd", odd)
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert [*games.detached] == [1, 2, 3]
+            assert_as_alone(games, alone)
