@@ -399,6 +399,40 @@ def test_goto_takes_the_shortest_route_that_obeys_turns(corner):
     assert where == corner.graph.shortest_path(0, 3, turns="drive")[1:]
 
 
+def open_fork(edges):
+    """Return a context with nodes 0 to 2 and these edges: id, ends, length, and the edges that must not follow."""
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
+    ctx.graph.add_nodes(range(3), [0.0, 10.0, 20.0], [0.0, 0.0, 5.0])
+    for id, (source, target), length, forbidden in edges:
+        signs = {"forbidden_turns": {"drive": [forbidden]}} if forbidden else {}
+        ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": length, "drive": True, **signs})
+    return ctx
+
+
+@pytest.mark.parametrize("length", [10.0, 9.0])
+@pytest.mark.parametrize("make", [strategies.goto, lambda ctx, node: strategies.patrol(ctx, [node])])
+def test_strategies_take_the_parallel_road_from_which_the_route_goes_on(make, length):
+    roads = [(7, (0, 1), length, [2]), (5, (0, 1), 10.0, []), (3, (1, 0), 10.0, []), (2, (1, 2), 10.0, [])]
+    with open_fork(roads) as ctx:
+        agent = ctx.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=make(ctx, 2))
+        for node in (1, 2):
+            ctx.game.step()
+            assert agent.current_node_id == node
+        assert ctx.game.internals.state.named_edges == {"car": (2, 2)}
+
+
+def test_the_nearest_enemy_is_chased_in_whatever_order_edges_were_added():
+    with open_fork([(9, (0, 2), 30.0, []), (3, (0, 1), 10.0, [])]) as ctx:
+        eyes = {"eyes": gamms.sensor.agent_range(range_m=100)}
+        chaser = ctx.agent.create_agent(
+            "car", start_node_id=0, mode=CAR, team="a", sensors=eyes, strategy=strategies.chase(ctx)
+        )
+        for name, node in (("far", 2), ("near", 1)):
+            ctx.agent.create_agent(name, start_node_id=node, team="b", strategy=strategies.stay)
+        ctx.game.step()
+        assert chaser.current_node_id == 1
+
+
 @pytest.mark.parametrize(
     "make", [strategies.intercept, strategies.follow_belief, lambda ctx: strategies.safest_exit(ctx, [2])]
 )

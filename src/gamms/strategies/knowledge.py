@@ -20,10 +20,10 @@ from gamms.game.array_functions import aims
 from gamms.game.movement.travel import graph_of, usable_graph
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
-from gamms.ir.graph import as_node_id, split_mode
+from gamms.ir.graph import IntArray, as_node_id, split_mode
 from gamms.plain import Shape
 from gamms.typing import IContext
-from gamms.typing.game import AerialState, NodeId, State, Strategy
+from gamms.typing.game import AerialState, EdgeAction, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ class RoutesWithTurns:
         self._turns = split_mode(mode)[0]
         self._here: int = state["curr_pos"]
         known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
+        self._is_in_game = known is not None
         self._driven: tuple[int, ...] = () if known is None else known.list_driven(state)
 
     def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
@@ -146,26 +147,32 @@ class RoutesWithTurns:
         except NoPath:
             return None
 
+    def find_step(self, target: int) -> tuple[int, int | EdgeAction] | None:
+        """Return the end of the first edge of the shortest path from the agent's own node, and the action to take it.
+
+        Of several edges to this end, the action names the edge, because the path may not go on from the others. None:
+        there is no path.
+        """
+        edges = self.find_path(self._here, target)
+        if edges is None:
+            return None
+        columns = self.graph.columns()
+        (row,) = self._rows(edges[:1])
+        source, end = columns.sources[row], columns.targets[row]
+        leaving = columns.out_edges[columns.offsets[source] : columns.offsets[source + 1]]
+        node = int(columns.node_ids[end])
+        is_alone = np.count_nonzero(columns.targets[leaving] == end) == 1
+        return node, node if is_alone or not self._is_in_game else {"edge": edges[0]}
+
+    def _rows(self, edges: Sequence[int]) -> IntArray:
+        """Return the rows of edges."""
+        columns = self.graph.columns()
+        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
+
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the length of the shortest path; infinite if there is none."""
         edges = [] if source == target else self.find_path(source, target, weight)
-        if edges is None:
-            return inf
-        rows = kernels.rows_of(self.graph.columns().edge_ids, np.array(edges, np.int64))
-        return float(self.graph.routes.weights(weight)[rows].sum())
-
-    def shortest_path(
-        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
-    ) -> list[int]:
-        """Return the ids of the nodes on the shortest path, up to `most_edges` edges.
-
-        Raises:
-            NoPath: there is none.
-        """
-        edges = [] if source == target else self.find_path(source, target, weight)
-        if edges is None:
-            raise NoPath(source, target)
-        return [source, *(self.graph.get_edge(edge).target for edge in edges[:most_edges])]
+        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
 
     def nearest(self, source: int, targets: Iterable[int]) -> int | None:
         """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
@@ -368,7 +375,7 @@ def move_to_agent(
 
 def step_towards(
     ctx: IContext, state: State, target: int, caller: str, is_allowed: Callable[[int], bool] | None = None
-) -> int | list[int] | None:
+) -> int | list[int] | EdgeAction | None:
     """Return the action that leads toward a node: the node itself if it is legal, else a step of the shortest path.
 
     Args:
@@ -379,7 +386,7 @@ def step_towards(
         is_allowed: whether the agent may enter a node; None: every node.
 
     Returns:
-        See `gamms.game.array_functions.aims.step_towards`; None if there is no path.
+        See `gamms.game.array_functions.aims.step_towards` and `RoutesWithTurns.find_step`; None if there is no path.
 
     Raises:
         BadType: the agent flies.
@@ -392,11 +399,11 @@ def step_towards(
     legal = legal_on_map(ctx, state)
     graph = graph_for(ctx, state)
     if isinstance(graph, RoutesWithTurns) and target not in legal:
-        try:  # a path may come to nodes again: its first step alone counts
-            first = graph.shortest_path(here, target, most_edges=1)[1]
-        except NoPath:
+        found = graph.find_step(target)  # a path may come to nodes again: its first step alone counts
+        if found is None:
             return None
-        return first if is_allowed is None or is_allowed(first) else here
+        node, step = found
+        return step if is_allowed is None or is_allowed(node) else here
     weight = weight_for(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed
