@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, assert_as_shown, scene
+from random_players import FirstOnly
 
 import gamms
 from gamms.errors import UnknownName
@@ -122,6 +123,15 @@ def test_actions_are_given_on_the_roads_that_are_open_in_each_game(phase, settin
                 games.step({"red": (view.turn[:, None] * 5) % view.counts}, on_illegal="stay")
             assert_as_shown(games)
             assert games.is_in_arrays, games.slow
+
+
+def test_agents_are_stopped_once_whose_roads_deeds_have_closed_and_who_give_way():
+    with scene(side=3, settings={"speed_unit": "metres"}).build(seed=1) as ctx:
+        ctx.game.conflicts = FirstOnly()
+        ctx.game.add(dig, phase="deeds")
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert_as_alone(games, alone)
 
 
 def test_an_observer_asks_for_routes_of_games_with_the_same_roads():

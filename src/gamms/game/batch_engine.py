@@ -1171,6 +1171,8 @@ class BatchEngine(TurnDriver):
         self._play_core(playing, part, _SETTLE)
         for (one, _), of_map in zip(self._each(playing), changed, strict=True):
             one.cut_off(of_map, part)
+        if any(map(len, changed)):
+            self._play_core(playing, part, _SETTLE)
 
     def _give_way(self, part: int) -> None:
         """Call the functions that decide conflicts."""
