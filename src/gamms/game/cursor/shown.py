@@ -336,11 +336,7 @@ class ShownGame(GamesInContext):
                 last[0] = {}
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
-        row = self.own_row()
-        if row.collectors is not None:
-            collected = row.collectors.snapshot()
-            now = self._parts.collectors.snapshot()
-            source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
+        self._put_collectors(source)
         number = self._pointed.number
         functions = [(one, function_of_game(one, number)) for one in self._called.own_functions]
         ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
@@ -370,6 +366,14 @@ class ShownGame(GamesInContext):
         if is_within and self._state.radio is not None:
             self._state.radio.copy_admitted(number, parts.turns.messages)
         return ctx.game
+
+    def _put_collectors(self, source: ForkSource) -> None:
+        """Let a fork of the game that leaves have the values that collectors have kept of it."""
+        row = self.own_row()
+        if row.collectors is not None:
+            collected = row.collectors.snapshot()
+            now = self._parts.collectors.snapshot()
+            source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
 
     def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
         """Show what agents have decided in this turn besides their moves.
