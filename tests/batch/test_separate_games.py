@@ -582,6 +582,9 @@ HOW = {
     "edges": {"settings": {"speed_unit": "edges"}},
     "order": {"settings": {"order": [["red"], ["blue"]]}},
     "later": {"settings": {"order": [["blue"], ["red"]]}},
+    "later, channels": {"settings": {"order": [["blue"], ["red"]]}, "channels": RADIO},
+    "later, metres": {"settings": {"order": [["blue"], ["red"]], "speed_unit": "metres"}, "channels": RADIO},
+    "later, edges": {"settings": {"order": [["blue"], ["red"]], "speed_unit": "edges"}},
 }
 
 
@@ -600,8 +603,8 @@ def test_a_game_that_leaves_while_agents_decide_goes_on_there(act, how, caplog):
 
     eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "detection": 0.5}}
     team = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}
-    if how in ("metres", "edges"):
-        team["speed"] = 8.0 if how == "metres" else 2
+    if how.endswith(("metres", "edges")):
+        team["speed"] = 8.0 if how.endswith("metres") else 2
     options = HOW.get(how, {})
     with scene([FLAGS], teams={"red": team, "blue": team}, sensors=eyes, max_turns=6, **options).build(seed=1) as ctx:
         ctx.game.on_error = ctx.game.on_illegal = "stay"
@@ -640,28 +643,40 @@ def take_home(ctx):
 
 
 class Resolver:
-    """Decides conflicts by name, and acts in some games."""
+    """Decides conflicts by name, and acts in some games when it is called for the given time."""
 
-    def __init__(self, act):
+    def __init__(self, act, last):
         self._act = act
+        self._last = last
 
     def resolve(self, moves, ctx):
-        if ctx.game.turn == 3 and ctx.seed % 2:
+        ctx.game.scores["resolved"] += 1
+        if ctx.game.scores["resolved"] == self._last and ctx.seed % 2:
             self._act(ctx)
         last = {move.end: name for name, move in moves.items()}
         return {name for name, move in moves.items() if last[move.end] != name}
 
 
 @pytest.mark.parametrize("where", ["check", "conflicts"])
-@pytest.mark.parametrize("act", [end_soon, put_out, take_home])
-def test_a_game_that_leaves_while_moves_are_refused_goes_on_there(act, where):
+@pytest.mark.parametrize(
+    ("act", "more"),
+    [
+        *((act, {}) for act in (end_soon, put_out, take_home)),
+        (end_soon, {"speed_unit": "metres"}),
+        *((act, {"order": [["blue"], ["red"]]}) for act in (end_soon, put_out, take_home)),
+        *((end_soon, {"order": [["blue"], ["red"]], "speed_unit": unit}) for unit in ("edges", "metres")),
+    ],
+)
+def test_a_game_that_leaves_while_moves_are_refused_goes_on_there(act, more, where, caplog):
     def rest(ctx):
         ctx.game.scores["rested"] += len(ctx.game.performed("rest"))
 
     def check(ctx):
         for name in sorted(ctx.game.moves)[ctx.game.turn % 2 :: 3]:
             ctx.game.refuse(name, "not now")
-        if where == "check" and ctx.game.turn == 3 and ctx.seed % 2:
+        calls = ctx.game.data["calls"] = ctx.game.data.get("calls", 0) + 1
+        SAID.warning(f"seed {ctx.seed}, call {calls}")
+        if where == "check" and calls == last and ctx.seed % 2:
             act(ctx)
 
     rest.check = check
@@ -669,17 +684,22 @@ def test_a_game_that_leaves_while_moves_are_refused_goes_on_there(act, where):
     def tire(state):
         node = state["legal"][state["draw"].below(len(state["legal"]))]
         state["memory"][state["turn"]] = state["blocked"]
+        state["outbox"].append({"channel": "radio", "to": None, "body": len(state["inbox"])})
         state["action"] = {"node_id": node, "do": {"rest": {}}}
 
-    with scene([TAG], settings={"deeds": {"rest": {}}}, side=3, max_turns=7).build(seed=1) as ctx:
+    last = 4 * len(more.get("order", "1"))  # in the last part of the turn
+    team = {"count": 3, **({"speed": 2} if "speed_unit" in more else {})}
+    given = {"teams": {"red": team, "blue": team}, "channels": RADIO, "settings": {"deeds": {"rest": {}}, **more}}
+    with scene([TAG], side=3, max_turns=7, **given).build(seed=1) as ctx:
         ctx.game.add(rest, phase="deeds")
         if where == "conflicts":
-            ctx.game.conflicts = Resolver(act)
+            ctx.game.conflicts = Resolver(act, last)
         for agent in ctx.agent.create_iter():
             agent.strategy = tire
         with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert [*games.detached] == [1, 3]
+            assert len({*caplog.messages}) == len(caplog.messages)
             assert_as_alone(games, alone)
 
 

@@ -235,6 +235,7 @@ class MadeDecisions(NamedTuple):
     """The decisions of some agents of a game that leaves its batch while the agents decide.
 
     Attributes:
+        starts: agent -> its node before sensors were called, which may have put it elsewhere.
         ends: agent -> the node that it moves to.
         actions: agent -> its action, if it flies, turns or does deeds.
         paths, slots: the paths of agents that do more than to move along one edge, None: there are none; and agent ->
@@ -243,6 +244,7 @@ class MadeDecisions(NamedTuple):
         sensed: agent -> the data of its sensors, of other agents of this part of the turn whose sensors were called.
     """
 
+    starts: Mapping[str, int]
     ends: Mapping[str, int]
     actions: Mapping[str, Any]
     paths: GamePaths | None
@@ -387,6 +389,7 @@ class Decisions(Answers):
         """Return the decisions of the agents of some slots; see `MadeDecisions` for the data of sensors."""
         names = self.slots.names
         return MadeDecisions(
+            starts=dict(zip(names, self.starts, strict=True)),
             ends={names[i]: self.ends[i] for i in members},
             actions={names[i]: action for i, action in self.actions.items()},
             paths=self.paths,
@@ -399,6 +402,10 @@ class Decisions(Answers):
     def take_made(self, made: MadeDecisions, index_of: Mapping[str, int]) -> None:
         """Add decisions that were made before, given the slots of agents by their names."""
         ends = self.ends_to_write()
+        if self.moves is None:
+            self.starts = copied_column(self.starts)
+        for name, start in made.starts.items():
+            self.starts[index_of[name]] = start
         for name, end in made.ends.items():
             i = index_of[name]
             ends[i] = end

@@ -295,7 +295,14 @@ class DeedLog(GameLog[list[DoneDeeds]]):
         """Return the deeds of a game in its last turn, as those of a game that is alone."""
         if self._num_games == 1:
             return self.last
-        return [PlainDeeds(0, _in_game(0, [row for row in _rows_of(self.last) if row[0] == game]))]
+        return [PlainDeeds(0, _rows_alone(game, self.last))]
+
+    def copy_part(self, game: int, target: DeedLog) -> None:
+        """Let the log of a single game go on in the part of the turn that a game is in, after `do`."""
+        now = {id(one): PlainDeeds(0, _rows_alone(game, [one.without(self._refused)])) for one in self._now}
+        target._now = [*now.values()]
+        target.last = [now.get(id(one)) or PlainDeeds(0, _rows_alone(game, [one])) for one in self.last]
+        target._begun = {0: _in_game(0, self._begun.get(game, []))}
 
     def go_to(self, last: list[DoneDeeds]) -> None:
         """Restore the deeds of the last turn, which were `last` at that moment."""
@@ -349,6 +356,11 @@ class DeedLog(GameLog[list[DoneDeeds]]):
 def _rows_of(tables: Iterable[DoneDeeds]) -> list[DeedRow]:
     """Return the deeds of several tables."""
     return [row for one in tables for row in one.rows()]
+
+
+def _rows_alone(game: int, tables: Iterable[DoneDeeds]) -> list[DeedRow]:
+    """Return the deeds of a game as those of a game that is alone."""
+    return _in_game(0, [row for row in _rows_of(tables) if row[0] == game])
 
 
 def _in_game(game: int, rows: Iterable[DeedRow]) -> list[DeedRow]:

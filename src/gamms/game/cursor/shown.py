@@ -363,6 +363,8 @@ class ShownGame(GamesInContext):
             parts.turns.prepared = parts.turns.phase.strategy_changes
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
+        if self.part is not None:
+            self._state.deed_log.copy_part(number, state.deed_log)
         if is_within and self._state.radio is not None:
             self._state.radio.copy_admitted(number, parts.turns.messages)
         return ctx.game
