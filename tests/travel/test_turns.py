@@ -260,6 +260,28 @@ def test_a_road_behind_an_agent_that_is_closed_to_its_mode_lets_it_begin_there(c
     assert agent.current_node_id == 3
 
 
+def test_a_road_that_opens_while_an_agent_drives_on_a_forbidden_path_stays_forbidden(corner):
+    corner.graph.graph.update_edge({"id": 0, "forbidden_turns": {"drive": [[2, 3]]}})
+    corner.graph.close_roads([3])
+    car, _ = follow(1, 2)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=car)
+    for _ in range(2):
+        corner.game.step()
+    corner.graph.open_roads([3])
+    assert corner.game.internals.parts.turns.legal(["car"]) == {"car": (2,)}
+
+
+def test_an_edge_from_a_node_to_itself_keeps_no_agent_from_turning_back(corner):
+    corner.graph.graph.add_edge({"id": 9, "source": 2, "target": 2, "length": 5.0, "drive": True})
+    goes = strategies.goto(corner, 3)
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=goes)
+    for _ in range(4):
+        corner.game.step()
+    assert corner.agent.get_agent("car").current_node_id == 3
+    assert corner.graph.shortest_path(0, 3, turns="drive") == [0, 1, 2, 1, 3]
+    assert corner.graph.routes.edges_onward(2, turns="drive") == [3]
+
+
 def test_an_edge_that_is_elsewhere_now_was_not_driven(corner):
     corner.graph.graph.update_edge({"id": 0, "forbidden_turns": {"drive": [[2, 3]]}})
     car, seen = follow(1, 2)

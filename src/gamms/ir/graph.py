@@ -463,10 +463,12 @@ def _number(value: object, columns: GraphColumns, row: int, weight: str | None) 
 FORBIDDEN_TURNS = "forbidden_turns"  # attribute of edges: mode of travel -> lists of the ids of edges not to take next
 
 
-def forbidden_paths(columns: GraphColumns) -> dict[str, list[tuple[int, ...]]]:
+def forbidden_paths(columns: GraphColumns, *, with_closed: bool = False) -> dict[str, list[tuple[int, ...]]]:
     """Return mode of travel -> the sequences of edges, by id, that are forbidden to it, from attributes of edges.
 
-    Sequences with an edge that is not on the graph are left out.
+    Args:
+        columns: the graph.
+        with_closed: whether to return also sequences whose later edges are not all on the graph, which may be opened.
 
     Raises:
         BadValue: an attribute has another form.
@@ -478,7 +480,7 @@ def forbidden_paths(columns: GraphColumns) -> dict[str, list[tuple[int, ...]]]:
     for row, value in given.items():
         for mode, rests in read_forbidden_turns(value, ids[row]).items():
             paths = found.setdefault(mode, [])
-            paths += [(ids[row], *rest) for rest in rests if known.issuperset(rest)]
+            paths += [(ids[row], *rest) for rest in rests if with_closed or known.issuperset(rest)]
     return found
 
 

@@ -249,7 +249,8 @@ def turn_states(
 ) -> TurnStates:
     """Return the states of traffic on a graph.
 
-    Traffic turns back, onto an edge with the same ends and length, only where no other edge may be taken.
+    Traffic turns back, onto an edge with the same ends and length, only where no other edge may be taken. It takes no
+    edge from a node to itself.
 
     Args:
         sources: (edges,) rows of nodes.
@@ -261,8 +262,9 @@ def turn_states(
     count = len(sources)
     nodes = int(max(sources.max(initial=-1), targets.max(initial=-1))) + 1
     rows = np.flatnonzero(is_open)
-    offsets, order = group_rows(sources[rows], nodes)
-    leaving = rows[order]
+    going = rows[sources[rows] != targets[rows]]
+    offsets, order = group_rows(sources[going], nodes)
+    leaving = going[order]
     before, places = expand_ranges(offsets[targets[rows]], offsets[targets[rows] + 1])
     starts = rows[before]
     ends = leaving[places]

@@ -299,7 +299,7 @@ class TurnRoutes:
         every = np.arange(edges)
         starts = (states.starts, self._begin + columns.sources, np.arange(self._begin), self._begin + np.arange(nodes))
         stops = (states.ends, every, self._end + columns.targets[states.edges], self._end + np.arange(nodes))
-        costs = np.where(is_open, weights, inf)
+        costs = np.where(is_open & (columns.sources != columns.targets), weights, inf)
         lengths = (costs[states.edges[states.ends]], costs, np.zeros(self._begin + nodes))
         self._arcs = np.concatenate(starts), np.concatenate(stops), np.concatenate(lengths)
         self._searches: dict[bool, kernels.Search] = {}

@@ -302,11 +302,12 @@ class Legality:
 
     @property
     def _forbidden(self) -> kernels.ForbiddenPaths:
-        """The forbidden sequences of edges, by id."""
+        """The forbidden sequences of edges, by id; their edges may be closed now, and open when the agent gets there."""
         columns = self._ctx.graph.columns()
         if self._turns is None or self._turns[0] is not columns:
             attribute, _ = split_mode(str(self._mode))
-            self._turns = columns, kernels.ForbiddenPaths(forbidden_paths(columns).get(attribute, []))
+            paths = forbidden_paths(columns, with_closed=True).get(attribute, [])
+            self._turns = columns, kernels.ForbiddenPaths(paths)
         return self._turns[1]
 
     def _onward(self, mover: AgentSlot, here: int) -> list[int]:
