@@ -302,7 +302,7 @@ class Legality:
 
     @property
     def _forbidden(self) -> kernels.ForbiddenPaths:
-        """The forbidden sequences of edges, by id; their edges may be closed now, and open when the agent gets there."""
+        """The forbidden sequences of edges, by id, also with edges that are closed and may be open later."""
         columns = self._ctx.graph.columns()
         if self._turns is None or self._turns[0] is not columns:
             attribute, _ = split_mode(str(self._mode))
