@@ -187,3 +187,11 @@ def test_the_isochrone_of_a_mode_has_the_edges_and_times_of_the_mode(world, tmp_
     with (tmp_path / "cars_edges.csv").open(newline="") as file:
         (car,) = csv.DictReader(file)
     assert (car["id"], car["speed_kph"], car["travel_time"]) == ("0", "50.0", "7.2")
+
+
+def test_the_error_for_a_time_of_a_mode_says_where_the_time_may_be(world):
+    places = [(0.0, 0.0), (100.0, 0.0)]
+    add_roads(world, places, [(0, 1, {"drive": 50.0, "travel_time": 9.0, "travel_time:drive": "long"})])
+    with pytest.raises(BadType, match="'travel_time' of edge 0 must be a number, not 'long'") as caught:
+        world.graph.isochrone(0, 3.6, weight="travel_time", mode="drive")
+    assert caught.value.__notes__ == ["For agents of a mode, 'travel_time:drive' replaces 'travel_time'."]

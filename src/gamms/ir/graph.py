@@ -455,7 +455,13 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
 def _number(value: object, columns: GraphColumns, row: int, weight: str | None) -> float:
     if type(value) is float and value >= 0.0:
         return value
-    return as_range(value, f"The weight {weight!r} of edge {columns.edge_ids[row]}")
+    try:
+        return as_range(value, f"The weight {weight!r} of edge {columns.edge_ids[row]}")
+    except (BadType, BadValue) as error:
+        of_modes = [name for name in columns.edge_attributes if name.startswith(f"{weight}:")]
+        if of_modes:
+            error.add_note(f"For agents of a mode, {' or '.join(map(repr, of_modes))} replaces {weight!r}.")
+        raise
 
 
 # -- turns ----------------------------------------------------------------------------------------------------------
