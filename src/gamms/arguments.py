@@ -161,6 +161,20 @@ def as_numbers_of(given: object, name: str, count: int, kind: str) -> "Array":
     return signed
 
 
+def as_edges(given: object, name: str, shape: tuple[int, ...]) -> "Array":
+    """Return the ids of the edges that agents take, an array of a shape, with -1 for agents that take none.
+
+    Raises:
+        BadType: the values are not integers.
+        BadValue: they have another shape, or one is below -1.
+    """
+    edges = as_array(given, name, "integers", shape)
+    wrong = edges[edges < -1]
+    if wrong.size:
+        raise BadValue(f"{name} must be ids of edges from 0, or -1 for agents that take none, not {wrong[0]}.")
+    return edges
+
+
 def as_bool(value: object, name: str) -> bool:
     """Return a plain bool: 0, 1 and NumPy's bools pass.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_known
+from gamms.arguments import as_edges, as_known
 from gamms.core.copies import copied
 from gamms.core.turn import Answers
 from gamms.deciding import DecidePhase
@@ -182,12 +182,12 @@ class TeamArrays:
 
         Raises:
             UnknownName (KeyError): the dict has another key than "nodes" and "edges".
-            BadType, BadValue: the edges are not integers, (agents,).
+            BadType, BadValue: the edges are not integers from -1, (agents,).
         """
         for key in answer:
             as_known(key, "key of the answer of a plan of arrays", ("nodes", "edges"))
         shape = self._nodes.shape
-        return as_array(answer.get("edges", np.full(shape, -1)), "The edges of a plan", "integers", shape)
+        return as_edges(answer.get("edges", np.full(shape, -1)), "The edges of a plan", shape)
 
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
         """Return which nodes are known to be legal, (agents,)."""

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_array, as_mapping
+from gamms.arguments import as_array, as_edges, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.view import ArrayView, as_actions, as_flights
 from gamms.game.block.columns import AgentTable, PlayedGame
@@ -131,15 +131,11 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     flights = own(value.get("flights"))
     if flights is not None:
         flights = as_flights(flights, f"Flights of {by}", shape)
-    edges = _as_edges(own(value.get("edges")), shape, by)
+    named = own(value.get("edges"))
+    edges = None if named is None else as_edges(named, f"Edges of {by}", shape)
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
     return OutsideActions(moves, deeds, messages, flights, edges=edges)
-
-
-def _as_edges(edges: object, shape: tuple[int, int], by: str) -> IntArray | None:
-    """Return checked ids of edges, (games, agents); None: none are given."""
-    return None if edges is None else as_array(edges, f"Edges of {by}", "integers", shape)
 
 
 def as_kept(moves: IntArray) -> IntArray:

@@ -6,7 +6,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_array, as_count, as_key, as_numbers_of
+from gamms.arguments import as_array, as_count, as_edges, as_key, as_numbers_of
 from gamms.core import observe, sight
 from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
@@ -260,7 +260,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             raise BadValue("view.take_edges works only while a strategy decides: games.step takes 'edges', too.")
         if self._named is None:
             raise NeedsEachGame("view.take_edges")
-        wanted = as_array(edges, "edges", "integers", self.node.shape)
+        wanted = as_edges(edges, "edges", self.node.shape)
         np.copyto(self._named, wanted, where=self.mask & (wanted >= 0))
 
     def only(self, asked: BoolArray) -> Self:
