@@ -282,7 +282,7 @@ def as_named_edges(value: object) -> dict[str, tuple[int, int]]:
     """
     pairs = value.items() if isinstance(value, Mapping) else [(None, ())]
     found = {name: tuple(pair) if isinstance(pair, tuple | list) else () for name, pair in pairs}
-    if not all(isinstance(name, str) and [*map(type, pair)] == [int, int] for name, pair in found.items()):
+    if not all(isinstance(name, str) and [*map(_is_id, pair)] == [True, True] for name, pair in found.items()):
         raise BadType(f"The named edges must be a dict of pairs of a turn and an edge, not {shown(value)}.")
     return cast("dict[str, tuple[int, int]]", found)
 
@@ -295,9 +295,13 @@ def as_driven(value: object) -> dict[str, tuple[int, ...]]:
     """
     each = value.items() if isinstance(value, Mapping) else [(None, ())]
     found = {name: tuple(edges) if isinstance(edges, tuple | list) else (None,) for name, edges in each}
-    if not all(isinstance(name, str) and all(type(id) is int for id in edges) for name, edges in found.items()):
+    if not all(isinstance(name, str) and all(map(_is_id, edges)) for name, edges in found.items()):
         raise BadType(f"The edges that agents have moved along must be lists of ids by name, not {shown(value)}.")
     return cast("dict[str, tuple[int, ...]]", found)
+
+
+def _is_id(value: object) -> bool:
+    return type(value) is int and -(1 << 63) <= value < 1 << 63
 
 
 def as_looks(value: object) -> dict[int, dict[str, Any]]:
