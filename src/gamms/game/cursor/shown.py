@@ -41,7 +41,7 @@ from gamms.ir.game_state import KEPT, BlockedAgents, GameState, Scores, in_confl
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, Memo
 from gamms.plain import is_plain, is_same
 from gamms.typing.context import HostContext
 
@@ -336,14 +336,7 @@ class ShownGame(GamesInContext):
                 last[0] = {}
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
-        self._put_collectors(source)
-        number = self._pointed.number
-        functions = [(one, function_of_game(one, number)) for one in self._called.own_functions]
-        ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
-        ctx.reseed(self._ctx.seed, self._ctx.rng_state())
-        if self._ctx.graph.storage.has_placed:
-            streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]
-            streams[0].bit_generator.state = streams[1].bit_generator.state
+        ctx, memo = self._make_fork(source)
         parts = ctx.game.internals.parts
         state = parts.state
         state.start = GameStart(self._pointed.at_rest, None, (ctx.seed, None))  # what planners know of other agents
@@ -363,19 +356,35 @@ class ShownGame(GamesInContext):
             parts.turns.prepared = parts.turns.phase.strategy_changes
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
-        if self.part is not None:
-            self._state.deed_log.copy_part(number, state.deed_log)
-        if is_within and self._state.radio is not None:
-            self._state.radio.copy_admitted(number, parts.turns.messages)
+        if is_within:
+            self._copy_logs(state, parts.turns.messages)
         return ctx.game
 
-    def _put_collectors(self, source: ForkSource) -> None:
-        """Let a fork of the game that leaves have the values that collectors have kept of it."""
+    def _make_fork(self, source: ForkSource) -> tuple[Any, Memo]:
+        """Return a context with the game, whose random streams go on, and the counterparts of objects in it."""
         row = self.own_row()
         if row.collectors is not None:
             collected = row.collectors.snapshot()
             now = self._parts.collectors.snapshot()
             source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
+        functions = [(one, function_of_game(one, self._pointed.number)) for one in self._called.own_functions]
+        ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
+        ctx.reseed(self._ctx.seed, self._ctx.rng_state())
+        if self._ctx.graph.storage.has_placed:
+            streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]
+            streams[0].bit_generator.state = streams[1].bit_generator.state
+        return ctx, memo
+
+    def _copy_logs(self, state: GameState, messages: MessageTraffic) -> None:
+        """Let a fork go on with the deeds of this part of the turn, and with the messages that will be sent after it.
+
+        While agents decide, there are no deeds yet, and the messages are those of earlier parts.
+        """
+        number = self._pointed.number
+        if self.part is not None:
+            self._state.deed_log.copy_part(number, state.deed_log)
+        if self._state.radio is not None:
+            self._state.radio.copy_admitted(number, messages)
 
     def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
         """Show what agents have decided in this turn besides their moves.
@@ -422,6 +431,8 @@ class ShownGame(GamesInContext):
         """Put what only the core has into the fields of the game that leaves."""
         row = self.own_row()
         self._turns.restart_counts()
+        for name in ("counts", "errors"):
+            self._read.pop(name, None)  # refusals are noted after functions have read them
         data = self.read("data")
         if type(data) is GuardedDict:
             data.fill()
