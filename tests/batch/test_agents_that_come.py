@@ -35,6 +35,24 @@ def test_rows_that_cannot_be_reserved_are_refused(most, error, message):
         ctx.game.batch(2, most_agents=most)
 
 
+def test_a_game_leaves_its_batch_in_a_turn_in_which_an_agent_goes_that_had_come_before_the_batch():
+    def dismiss(ctx):
+        if ctx.game.turn == 2:
+            ctx.agent.delete_agent("red_9")
+
+    def recruit(ctx):
+        if ctx.game.turn % 2 == 0:
+            sensors = dict(ctx.agent.get_agent("red_0").sensors)
+            name = f"red_{9 + ctx.game.turn}"
+            ctx.agent.create_agent(name, start_node_id=0, team="red", strategy=late, sensors=sensors)
+
+    with made().build(seed=1, strategies={"red": late}) as ctx:
+        for rule in (dismiss, recruit):
+            ctx.game.add(rule, phase="deeds")
+        ctx.game.step()
+        assert check_games(ctx, 1)[0].turns == 14
+
+
 def test_agents_that_come_without_sensors_are_observed_one_by_one():
     def recruit(ctx):
         if ctx.game.turn == 1:

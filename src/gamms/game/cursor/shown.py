@@ -331,9 +331,7 @@ class ShownGame(GamesInContext):
             begun = begun._replace(decided=decided)
             self._forget_other_looks(decided)
         sensed = frozenset(key for key, last in lasts_of(self._ctx).items() if last[0] is not self.looks)
-        for last in self.cached.lasts:
-            if last[0] is self.looks:
-                last[0] = {}
+        self.looks.is_filled = True  # with nothing; deleted agents have it, too
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
         ctx, memo = self._make_fork(source)
