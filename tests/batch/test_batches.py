@@ -295,7 +295,7 @@ def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_
         ctx.game.add(time_limit(3))
         with ctx.game.batch(seeds=[1, 2]) as slow:
             assert slow.detached == {0: BEYOND, 1: BEYOND}
-            assert "2 of them in contexts of their own" in repr(slow)
+            assert repr(slow) == "Batch(2 games, 0 over, 2 of them in contexts of their own)"
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]

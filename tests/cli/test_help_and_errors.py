@@ -194,7 +194,7 @@ def test_a_wrong_wish_for_a_film_or_picture_is_named(folder):
     run("run", "game.yaml", "--out", "out")
     game = folder / "out" / "game.ggr"
     for arguments, sentence in (
-        (["a.avi"], "Cannot write '.avi'; there is: .mp4, .gif, "),
+        (["a.avi"], "Cannot write '.avi'; there are: .mp4, .gif, "),
         (["a.png", "--fog", "rde"], "Unknown team 'rde'. Did you mean 'red'?"),
         (["a.mp4", "--follow", "red_7"], "Unknown agent 'red_7'. Did you mean 'red_0'?"),
         (["a.png", "--turns", "40"], "There is no turn 40: "),

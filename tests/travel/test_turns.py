@@ -469,8 +469,14 @@ def test_strategies_that_do_not_know_turns_refuse(corner, make):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda ctx: setattr(ctx.agent.get_agent("car"), "speed", 2.0), "move along one edge per turn"),
-        (lambda ctx: setattr(ctx.game, "speed_unit", "metres"), "move along one edge per turn"),
+        (
+            lambda ctx: setattr(ctx.agent.get_agent("car"), "speed", 2.0),
+            "'car' obeys .* one edge per turn",
+        ),
+        (
+            lambda ctx: setattr(ctx.game, "speed_unit", "metres"),
+            "'car' obeys .* one edge per turn",
+        ),
         (lambda ctx: setattr(ctx.game, "legal", "any"), "moves need no edges"),
     ],
 )

@@ -214,7 +214,7 @@ def test_two_films_at_once_need_two_files(plain, tmp_path):
 @pytest.mark.parametrize(
     ("name", "options", "error", "words"),
     [
-        ("a.avi", {}, BadValue, r"as '\.avi'; there is: \.mp4, \.gif"),
+        ("a.avi", {}, BadValue, r"as '\.avi'; there are: \.mp4, \.gif"),
         ("no/a.mp4", {}, FileNotFoundError, "Create it first"),
         ("a.mp4", {"fps": 0}, BadValue, "fps=0"),
         ("a.mp4", {"width": -1}, BadValue, "positive"),
@@ -311,5 +311,5 @@ def test_a_misspelt_option_is_warned_about(caplog):
 
 
 def test_a_bad_option_opens_no_context(tmp_path):
-    with pytest.raises(BadValue, match=r"there is: \.mp4"):
+    with pytest.raises(BadValue, match=r"there are: \.mp4"):
         gamms.create_context(vis_engine=Engine.OFFSCREEN, vis_kwargs={"video": str(tmp_path / "a.avi")})

@@ -47,7 +47,7 @@ def test_colors_that_were_declared_are_those_of_every_theme(ctx):
 def test_an_unknown_theme_is_an_error_that_names_those_that_there_are(ctx, call, tmp_path):
     pytest.importorskip("pygame")
     arguments = {"picture": [".svg"], "frame": [], "film": [tmp_path / "a.gif"]}[call]
-    with pytest.raises(BadValue, match=r"Unknown theme 'drak'; there is: light, dark, print\. Did you mean 'dark'"):
+    with pytest.raises(BadValue, match=r"Unknown theme 'drak'; there are: light, dark, print\. Did you mean 'dark'"):
         getattr(ctx.visual, call)(*arguments, theme="drak")
 
 

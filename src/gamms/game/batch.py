@@ -256,7 +256,9 @@ class Batch(Surface, Immutable, NotPickled):
     def __repr__(self) -> str:
         places = "played in the core"
         if self._separate:
-            places = f"{len(self._separate)} of them in contexts of their own, the others in the core"
+            places = f"{len(self._separate)} of them in contexts of their own"
+        if 0 < len(self._separate) < len(self):
+            places += ", the others in the core"
         return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, {places})"
 
     def __enter__(self) -> Self:

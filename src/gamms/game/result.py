@@ -338,9 +338,10 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
     """Return a summary of the errors of strategies in one line; there is at least one error."""
     kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(one["kind"] for one in errors).items()))
     first = errors[0]
+    message = printable_line(first["message"])[:200].rstrip(".")
     return (
         f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
-        f"{printable_line(first['message'])[:200].rstrip('.?')}. See result.errors."
+        f"{message}{'' if message.endswith('?') else '.'} See result.errors."
     )
 
 

@@ -1,6 +1,6 @@
 """Slots: the data of each agent in the turn engine, made on first use."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from operator import attrgetter
@@ -22,6 +22,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import RowArray, split_mode
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
+from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import DeletedAgent, IAgent, TurnAccess
 from gamms.typing.context import HostContext
@@ -314,7 +315,9 @@ class Slots(Sequence[AgentSlot]):
         if have_modes:
             refuse_modes(settings.legal)
             has_pace = has_speed | travels | (settings.decide == "arrival")
-            refuse_turns([mode for mode, is_paced in zip(block.modes, has_pace, strict=True) if is_paced])
+            refuse_turns(
+                [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True) if has_pace[row]]
+            )
         are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
@@ -504,18 +507,22 @@ def refuse_modes(legal: str) -> None:
         raise BadValue("Agents have mode=, but with ctx.game.legal = 'any' moves need no edges: leave legal='edges'.")
 
 
-def refuse_turns(modes: Sequence[str | None]) -> None:
-    """Refuse agents that obey turn restrictions and do not move along one edge per turn, given their modes.
+def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
+    """Refuse agents that obey turn restrictions and do not move along one edge per turn, given names and modes.
 
     Raises:
         BadValue: one of the modes says that its agents obey turn restrictions.
     """
-    for mode in modes:
-        if mode is not None and split_mode(mode)[1]:
+    for name, mode in agents:
+        if mode is None:
+            continue
+        attribute, obeys_turns = split_mode(mode)
+        if obeys_turns:
             raise BadValue(
-                f"Agents have mode= {mode!r}, and agents that obey turn restrictions move along one edge per turn: "
-                "leave out speed=, and leave ctx.game.speed_unit='edges' and ctx.game.decide='turn'. Agents with a "
-                "speed may follow a route that obeys, from ctx.graph.shortest_path(a, b, turns='drive')."
+                f"Agent {shown(name)} obeys turn restrictions (mode {mode!r}), and such agents move along one edge per "
+                "turn: give it no speed, and leave the settings speed_unit='edges' and decide='turn'. Or make it an "
+                f"agent with mode={attribute!r} and a speed, whose action is a route that obeys: "
+                f"ctx.graph.shortest_path(a, b, turns={attribute!r})."
             )
 
 

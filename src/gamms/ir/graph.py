@@ -345,11 +345,13 @@ def check_mode(columns: GraphColumns, closed: ClosedEdges, mode: str) -> None:
     if mode in columns.edge_attributes or any(mode in edge for edge in closed.values() if mode not in _OWN_KEYS):
         return
     known = [name for name in columns.edge_attributes if may_be_mode(columns, name)]
-    raise UnknownName("mode", mode, sorted(known), _MODES)
+    of_streets = _MODES_OF_STREETS if "highway" in columns.edge_attributes else ""
+    raise UnknownName("mode", mode, sorted(known), _MODES + of_streets)
 
 
 _OWN_KEYS = ("id", "source", "target", "length", "linestring")  # of closed edges, beside their attributes
 _MODES = " A mode is an edge attribute with true or false, or with speeds."
+_MODES_OF_STREETS = " Streets have one for each mode of a list with which they are loaded: osm_type=['walk', 'drive']."
 _MAY_PASS = (bool, int, float, np.bool_, np.number, type(None))
 
 

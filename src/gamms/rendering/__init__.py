@@ -153,7 +153,7 @@ def _check_format(out: Path, options: RenderOptions) -> None:
     elif suffix in FORMATS:
         unused = _OF_FILMS
     elif suffix not in FILMS:
-        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
+        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there are: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
     given = [name for name in unused if getattr(options, name) != getattr(default, name)]
     if given:
         raise BadValue(f"A file {suffix} has no {', '.join(given)}: omit options that apply only to pictures or films.")

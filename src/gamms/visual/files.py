@@ -185,7 +185,7 @@ def film_plan(
         raise BadValue(f"A turn needs at least one frame, not frames_per_turn={frames}.")
     if suffix not in FILMS:
         known = ", ".join(FILMS)
-        raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
+        raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there are: {known}.")
     if suffix == ".mp4" and find_spec("av") is None:  # before a frame asks for the extra of pictures alone
         raise MissingExtra("Writing an MP4 film", "video")
     if suffix == ".mp4" and max(width or 0, height or 0) > _LONGEST_MP4_PX:

@@ -121,5 +121,5 @@ def theme_called(name: object) -> Theme:
         BadValue: the theme does not exist.
     """
     if not isinstance(name, str) or name not in THEMES:
-        raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")
+        raise BadValue(f"Unknown theme {shown(name)}; there are: {', '.join(THEMES)}.{nearest(name, THEMES)}")
     return THEMES[name]

@@ -90,7 +90,9 @@ def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
     if not isinstance(game, Context | Scenario):
         raise BadType(f"serve takes a context or a scenario, not {shown(game)}.")
     if unknown := sorted(options.keys() - ServeOptions.__annotations__.keys()):
-        raise BadValue(f"serve has no option {shown(unknown[0])}; there is: {', '.join(ServeOptions.__annotations__)}.")
+        raise BadValue(
+            f"serve has no option {shown(unknown[0])}; there are: {', '.join(ServeOptions.__annotations__)}."
+        )
     return Live(game, options)
 
 

@@ -92,14 +92,14 @@ def live_page(title: str) -> bytes:
 def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
     """Check options, and return those of the viewer that are set; `title` is the default title."""
     if unknown := sorted(options.keys() - _OPTIONS):
-        raise BadValue(f"A page has no {shown(unknown[0])}; there is: {', '.join(sorted(_OPTIONS))}.")
+        raise BadValue(f"A page has no {shown(unknown[0])}; there are: {', '.join(sorted(_OPTIONS))}.")
     turn = as_int(options.get("turn", 0), "turn")
     theme = options.get("theme")
     if not 0 <= turn <= turns:
         raise BadValue(f"There is no state after {turn} turns: this recording has {turns} turns.")
     if theme not in (None, "light", "dark"):
         raise BadValue(
-            f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None, which is as the browser."
+            f"Unknown theme {shown(theme)} of a page; there are: light, dark, and None, which is as the browser."
         )
     trails = min(max(as_int(options.get("trails", 0), "trails"), 0), _MOST_TRAILS)
     look = {

@@ -45,7 +45,7 @@ def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", them
         OSError: the file cannot be read.
     """
     if theme not in (None, "light", "dark"):
-        raise BadValue(f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None.")
+        raise BadValue(f"Unknown theme {shown(theme)} of a page; there are: light, dark, and None.")
     game, is_scenario = _opened(source)
     options = _options_of(game, is_scenario=is_scenario)
     if title:

@@ -150,7 +150,7 @@ class Study(Handle):
             raise BadType(f"study takes a scenario, not {shown(scenario)}.")
         if unknown := sorted(options.keys() - StudyOptions.__annotations__.keys()):
             raise BadValue(
-                f"study has no option {shown(unknown[0])}; there is: {', '.join(StudyOptions.__annotations__)}."
+                f"study has no option {shown(unknown[0])}; there are: {', '.join(StudyOptions.__annotations__)}."
             )
         self.folder = folder
         self._consent = consent

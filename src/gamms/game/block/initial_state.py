@@ -68,8 +68,8 @@ def movement_of(
     if have_modes:
         refuse_modes(settings["legal"])
         travels = settings["speed_unit"] != "edges" or settings["decide"] == "arrival"
-        each = zip(modes, speeds, strict=True)
-        refuse_turns([mode for mode, speed in each if travels or speed is not None])
+        each = zip(roster.agents, modes, speeds, strict=True)
+        refuse_turns([(agent.name, mode) for agent, mode, speed in each if travels or speed is not None])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":
