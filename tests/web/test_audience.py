@@ -2,15 +2,20 @@
 
 import io
 import random
+import zlib
+from itertools import chain
 
 import numpy as np
 import pytest
-from shown_game import game_in
+from shown_game import ShownGame, game_in
 
 import gamms
 from gamms import recorder, web
+from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
 from gamms.visual.drawers.rules import FlagsDrawer
+from gamms.web.links import Audience
+from gamms.web.streams import Streams
 
 SECRET = "the plan is to wait"
 
@@ -158,6 +163,97 @@ def test_fog_shows_agents_only_where_eyes_that_err_report_them(erring):
         assert in_sight[turn] == seen, turn
         missed += sum(distance(erring.graph.columns(), own, node) <= 25.0 for node in places.values()) - len(seen)
     assert missed > 5
+
+
+TURNS = 12
+HOME = 6  # in view of the eyes, as are its neighbors 7 and 11
+
+
+def play_hiding(errors, hideout, seen_turns, *, flies=False):
+    """Play a game in which a blue agent is at home whenever eyes that err report it, and else in its hideout.
+
+    Args:
+        errors: the settings of the eyes.
+        hideout: a neighbor of its home.
+        seen_turns: the turns with a report of it.
+        flies: whether the red agent watches from the air.
+
+    Returns:
+        What the red team is given as bytes (its stream, its cut, its page), the same for everyone, and turn -> the
+        reports of the eyes.
+    """
+    reports = {}
+
+    def watch(state):
+        ((_, seen),) = state["sensor"].values()
+        reports[state["turn"]] = dict(seen)
+        if not flies:
+            state["action"] = state["curr_pos"]
+
+    def hide(state):
+        state["memory"]["plan"] = f"to hide on {hideout}"
+        is_seen = state["turn"] + 1 + errors.get("delay_turns", 0) in seen_turns
+        state["action"] = HOME if is_seen else hideout
+
+    saved = io.BytesIO()
+    with gamms.create_context(seed=5) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.sensor.create_sensor("eyes", "aerial_agent" if flies else "agent_range", sensor_range=25.0, **errors)
+        wings = {"type": AgentType.AERIAL, "speed": 5.0} if flies else {}
+        red = ctx.agent.create_agent("red_0", start_node_id=12, team="red", sensors=["eyes"], strategy=watch, **wings)
+        if flies:
+            red.position = (20.0, 20.0, 5.0)
+        ctx.agent.create_agent("blue_0", start_node_id=HOME, team="blue", strategy=hide)
+        ctx.record.start(saved, sensed=True)
+        following = Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        streams = [following.of(audience) for audience in (Audience("red"), Audience())]
+        ctx.game.run(TURNS)
+        following.end()
+        ctx.record.stop()
+        red_stream, stream = [
+            b"".join(map(zlib.decompress, chain(one.opening, *(messages for messages, _ in one._parts))))
+            for one in streams
+        ]
+    with recorder.open(io.BytesIO(saved.getvalue())) as recording:
+        cut = io.BytesIO()
+        recording.cut(cut, "red")
+        red = {"stream": red_stream, "cut": cut.getvalue(), "page": web.page(recording, audience="red")}
+        return red, {"stream": stream, "cut": saved.getvalue(), "page": web.page(recording)}, reports
+
+
+@pytest.mark.parametrize("flies", [False, True])
+@pytest.mark.parametrize(
+    ("errors", "fewest", "most"),
+    [
+        ({"detection": 0.4}, 2, TURNS - 3),
+        ({"delay_turns": 2}, TURNS - 2, TURNS - 2),
+        ({"delay_turns": 3, "detection": 0.5}, 2, TURNS - 5),
+        ({"exclude": "blue"}, 0, 0),
+    ],
+)
+def test_no_byte_of_a_team_depends_on_places_that_its_eyes_do_not_report(errors, fewest, most, flies):
+    """Streams, cuts and pages of two games are equal, if the games differ only in places that are not reported."""
+    reports = play_hiding(errors, 7, range(TURNS), flies=flies)[-1]
+    seen_turns = {turn for turn, seen in reports.items() if "blue_0" in seen}
+    assert fewest <= len(seen_turns) <= most
+    one, one_whole, one_reports = play_hiding(errors, 7, seen_turns, flies=flies)
+    other, other_whole, other_reports = play_hiding(errors, 11, seen_turns, flies=flies)
+    assert one_reports == other_reports
+    assert {turn for turn, seen in one_reports.items() if "blue_0" in seen} == seen_turns
+    assert [key for key in one if one[key] != other[key]] == []
+    assert [key for key in one if one_whole[key] == other_whole[key]] == []
+
+
+@pytest.mark.parametrize("errors", [*ERRORS.values(), {"false_alarm_rate": 0.5}])
+def test_the_stream_of_a_team_with_eyes_that_err_has_their_reports_and_not_the_truth(errors):
+    red, whole, reports = play_hiding(errors, 7, range(0, TURNS, 3))
+    game = ShownGame(red["stream"])
+    assert game.turns == TURNS
+    for turn, shown in zip(range(TURNS), game, strict=False):
+        places = dict(zip(shown.agents["name"].tolist(), shown.agents["node"].tolist(), strict=True))
+        assert places == {"red_0": 12} | reports[turn], turn
+    assert ["to hide" in ShownGame(one["stream"]).said() for one in (red, whole)] == [False, True]
 
 
 def test_flags_say_that_one_is_carried_but_not_by_whom_out_of_sight(hunt):
