@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, NotOffered, UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.sides import AgentPlaces, SideLook, find_known, name_side
+from gamms.knowledge.sides import AgentPlaces, SideLook, find_field, find_known, name_side
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR
@@ -148,12 +148,7 @@ class Fog:
         if len(view.nodes) or (len(view.outline) == 0 and sight.sensor.type not in IN_AIR):
             nodes = np.flatnonzero(_at(columns.xy, view.nodes))
         else:
-            place: Any = drawing_of(self._ctx).motion.on_edges().get(agent.name, agent.current_node_id)
-            try:
-                covered = sight.sensor.coverage(place, agent.name).node_ids
-            except NotOffered:
-                covered = _NONE
-            field = kernels.rows_of(columns.node_ids, covered, columns.node_order)
+            field = find_field(sight.sensor, agent, drawing_of(self._ctx).motion.on_edges(), columns)
         return SideLook(agent.name, nodes, field, bool(getattr(sight.sensor, "reports_all", False)), view.names)
 
     def _places(self, columns: GraphColumns) -> AgentPlaces:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import NotOffered
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import IntArray
@@ -20,7 +19,7 @@ from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.looks import Look, as_reported, looks_of, nearest_on, parts_of
-from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known, name_side
+from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_field, find_known, name_side
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.text import as_digits, as_text
@@ -209,12 +208,7 @@ class KnowledgeTracker:
         if known is None:
             if len(self._covered) >= _MOST_KNOWN:
                 self._covered.clear()
-            looks_from: Any = agent.current_node_id if on_edge is None else on_edge
-            try:
-                covered = sensor.coverage(looks_from, agent.name).node_ids
-            except NotOffered:
-                covered = _NONE
-            known = self.rows("nodes", covered)
+            known = find_field(sensor, agent, self._on_edges, self._ctx.graph.columns())
             self._covered[key] = known
         return known
 
