@@ -348,11 +348,10 @@ class Decisions(Answers):
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
         facts = KnownFacts(self.state, commanded.team, None)
         memory = self.team_memory(commanded.team)
-        starts = nodes.tolist()
 
         def list_edges() -> list[tuple[int, ...]]:
             with self._phase.suspended(changes_world=False):
-                each = zip(indices, starts, strict=True)
+                each = zip(indices, nodes.tolist(), strict=True)
                 return [self._legality.list_edges(self.slots[i], here) for i, here in each]
 
         given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, memory, list_edges)
