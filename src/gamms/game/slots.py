@@ -521,8 +521,8 @@ def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
             raise BadValue(
                 f"Agent {shown(name)} obeys turn restrictions (mode {mode!r}), and such agents move along one edge per "
                 "turn: give it no speed, and leave the settings speed_unit='edges' and decide='turn'. Or make it an "
-                f"agent with mode={attribute!r} and a speed, whose action is a route that obeys: "
-                f"ctx.graph.shortest_path(a, b, turns={attribute!r})."
+                f"agent with mode={attribute!r} and a speed, whose action is the rest of one route that obeys: "
+                f"ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes the cheapest."
             )
 
 
