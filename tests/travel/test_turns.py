@@ -7,7 +7,7 @@ import pytest
 
 import gamms
 from gamms import belief, rl, solve, strategies
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, NoPath
 from gamms.game import IllegalAction
 from gamms.rules import tag
 from gamms.scenario import Scenario, ScenarioError
@@ -74,6 +74,24 @@ def list_legal(roads, lengths, history, node):
     last = history[-1]
     back = [id for id in out if roads[id][:2] == roads[last][1::-1] and lengths[id] == lengths[last]]
     return [id for id in out if id not in back and is_free(id)] or [id for id in back if is_free(id)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lengths_to_all_nodes_after_an_edge_are_those_of_the_shortest_paths(seed):
+    roads = draw_roads(seed)
+    with open_town(roads) as ctx:
+        routes, weights = ctx.graph.routes, {id: ctx.graph.get_edge(id).length for id in roads}
+        for edge, (_, node, may_drive, _) in roads.items():
+            if not may_drive:
+                continue
+            far = routes.distances_with_turns(node, None, "length", None, "drive", [edge])
+            for target in ctx.graph.get_nodes():
+                if target not in far:
+                    with pytest.raises(NoPath):
+                        routes.shortest_path_edges(node, target, turns="drive", driven=[edge])
+                elif target != node:
+                    path = routes.shortest_path_edges(node, target, turns="drive", driven=[edge])
+                    assert far[target] == pytest.approx(sum(weights[id] for id in path))
 
 
 @pytest.fixture

@@ -51,7 +51,7 @@ cdef int begin(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(MetreMovers t, i64 own) except -2 nogil
 @cython.locals(row=i64, own=i64, by=u8, edge=i64, node=i64, share=double, now=double, count=i64, number=i64, legal=i64)
 cdef Py_ssize_t target_of(GameColumns games, MetreMovers t, i64 game, i64 i) except -2 nogil
-cdef i64 number_of(GameColumns games, MetreMovers t, i64 row, u8 by, i64 count) except? -2 nogil
+cdef i64 choose_number(GameColumns games, MetreMovers t, i64 row, u8 by, i64 count) except? -2 nogil
 cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 bound) except? -2 nogil
 @cython.locals(row=i64, edge=i64, node=i64)
 cdef Py_ssize_t by_steps(MetreMovers t, i64 game, i64 i) except -2 nogil

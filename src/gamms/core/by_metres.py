@@ -237,7 +237,7 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
         if by == moves.STEPS:
             strategies.take_legal(t.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
             return by_steps(t, game, i)
-        return t.reach.nodes[number_of(games, t, row, by, count)]
+        return t.reach.nodes[choose_number(games, t, row, by, count)]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
     if by == moves.STEPS:
         for number in range(count):
@@ -245,10 +245,10 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
             t.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
         t.by_steps.count = count  # type: ignore[union-attr]
         return by_steps(t, game, i)
-    return travel.legal_node(t.roads, t.reach, t.known, i, node, number_of(games, t, row, by, count))
+    return travel.legal_node(t.roads, t.reach, t.known, i, node, choose_number(games, t, row, by, count))
 
 
-def number_of(games: GameColumns, t: MetreMovers, row: int, by: int, count: int) -> int:
+def choose_number(games: GameColumns, t: MetreMovers, row: int, by: int, count: int) -> int:
     """Return the number of the legal node that an agent draws, or that it is given, among `count`."""
     return drawn(games, t, row, count) if by == moves.WALKS else moves.as_legal(t.given[row], count)
 

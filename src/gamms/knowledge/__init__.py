@@ -1,6 +1,6 @@
 """What agents and teams know in a turn, by the reports of their sensors and the messages that they have heard.
 
-Recordings, cuts, streams, pages, pictures in fog and games of what is known read it from here; none of them decides
+Recordings, cuts, streams, pages, pictures in fog and private forks read it from here; none of them decides
 for itself what a team may know.
 
 Read `looks.py` first: the reports of sensors as columns. `sides.py` computes what the agents of a side see and have

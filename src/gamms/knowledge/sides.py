@@ -1,4 +1,4 @@
-"""What the agents of a side see in a turn, and what they have heard.
+"""Sights and messages of the agents of a side in a turn.
 
 A side is a team, or an agent without a team.
 """

@@ -17,7 +17,7 @@ from gamms.arguments import as_function_of, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.array_functions import aims
-from gamms.game.movement.travel import graph_of, usable_graph
+from gamms.game.movement.travel import find_usable_graph, graph_of
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import IntArray, as_node_id, split_mode
@@ -130,7 +130,7 @@ class RoutesWithTurns:
     """
 
     def __init__(self, ctx: IContext, mode: str, state: State) -> None:
-        self.graph = usable_graph(ctx, mode)
+        self.graph = find_usable_graph(ctx, mode)
         self.neighborhoods = self.graph.neighborhoods
         self.routes = self
         self._turns = split_mode(mode)[0]
@@ -176,15 +176,16 @@ class RoutesWithTurns:
 
     def nearest(self, source: int, targets: Iterable[int]) -> int | None:
         """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
-        far = {target: self.distance(source, target) for target in targets}
-        nearest = min(far, key=far.__getitem__, default=None)
-        return None if nearest is None or far[nearest] == inf else nearest
+        far = self.distances(source)
+        return min((target for target in targets if target in far), key=far.__getitem__, default=None)
 
     def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
         """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
-        targets = self.graph.columns().node_ids.tolist()
-        far = {target: self.distance(source, target, weight) for target in targets}
-        return {target: length for target, length in far.items() if length < inf}
+        driven = self._driven if source == self._here else ()
+        found: dict[int, float] = self.graph.routes.distances_with_turns(
+            source, None, weight, None, self._turns, driven
+        )
+        return found
 
     def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
         """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
@@ -207,7 +208,7 @@ def has_speed(ctx: IContext, state: State) -> bool:
     return getattr(ctx.agent.get_agent(state["name"]), "speed", None) is not None
 
 
-def weight_for(ctx: IContext, state: State) -> str | None:
+def choose_weight(ctx: IContext, state: State) -> str | None:
     """Return the edge weight by which an agent on the ground chooses its paths."""
     if not goes_far(ctx, state):
         return "length"
@@ -404,7 +405,7 @@ def step_towards(
             return None
         node, step = found
         return step if is_allowed is None or is_allowed(node) else here
-    weight = weight_for(ctx, state)
+    weight = choose_weight(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed
     )

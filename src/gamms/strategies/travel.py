@@ -15,6 +15,7 @@ from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     as_strategy,
+    choose_weight,
     drawn_below,
     drawn_fraction,
     goes_far,
@@ -27,7 +28,6 @@ from gamms.strategies.knowledge import (
     node_of,
     offer_steps,
     required,
-    weight_for,
 )
 from gamms.strategies.stops import route
 from gamms.text import shown
@@ -196,7 +196,7 @@ def random_waypoints(
         memory = required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
         is_there = target == here
-        weight = weight_for(ctx, state)
+        weight = choose_weight(ctx, state)
         far = inf if target is None or is_there else graph_for(ctx, state).distance(here, target, weight)
         left = core.turns_left(is_there, left, far)
         if left < 0:
@@ -215,7 +215,7 @@ def _draw_waypoint(ctx: Context, state: State, options: Sequence[int]) -> int:
     """Draw a node; if the agent cannot reach it, draw one of those that it can reach, if there are any."""
     here = state["curr_pos"]
     graph = graph_for(ctx, state)
-    weight = weight_for(ctx, state)
+    weight = choose_weight(ctx, state)
     drawn = options[drawn_below(state, len(options), "random_waypoints")]
     is_near = not goes_far(ctx, state) and drawn in legal_on_map(ctx, state)
     if is_near or graph.distance(here, drawn, weight) < inf:

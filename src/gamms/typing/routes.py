@@ -320,10 +320,16 @@ class TurnRoutes:
         far, _ = self._search(reverse=True).far(np.array([self._end + end]), np.array([self._begin + row]))
         return far.item()
 
-    def reached(self, rows: IntArray, limit: float, *, reverse: bool) -> tuple[IntArray, FloatArray]:
-        """Return the nodes, ascending, within a limit of (or to) the nearest of some rows, and the distances."""
+    def reached(
+        self, rows: IntArray, limit: float, *, reverse: bool, driven: Sequence[int]
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the nodes, ascending, within a limit of (or to) the nearest of some rows, and the distances.
+
+        With the rows of the edges on which traffic has come to the only row, see `path`, it goes on from there.
+        """
         roots, goals = (self._end, self._begin) if reverse else (self._begin, self._end)
-        found = self._search(reverse=reverse).find(roots + rows, within=limit)
+        begun = np.array([self._vertex(rows.item(), driven)]) if driven else roots + rows
+        found = self._search(reverse=reverse).find(begun, within=limit)
         order = np.argsort(found.rows)
         near = found.rows[order] - goals
         are_nodes = (near >= 0) & (near < len(self._columns.node_ids))
@@ -513,10 +519,15 @@ class RouteQueries:
         weight: str | None,
         cutoff: float | None,
         turns: str | bool,
+        driven: Sequence[int] = (),
     ) -> dict[int, float]:
-        """Return the lengths of paths that obey turn restrictions; see `IGraph.distances`."""
+        """Return the lengths of paths that obey turn restrictions; see `IGraph.distances`.
+
+        With `driven`, see `shortest_path_edges`, traffic goes on from the only source.
+        """
         rows, limit = self._routes.one_side(source, target, cutoff)
-        near, far = self._turn_routes(weight, turns).reached(rows, limit, reverse=source is None)
+        known = self._driven(rows.item(), driven) if driven else ()
+        near, far = self._turn_routes(weight, turns).reached(rows, limit, reverse=source is None, driven=known)
         return dict(zip(self._routes.ids()[near].tolist(), far.tolist(), strict=True))
 
     def edges_onward(self, node_id: int, driven: Sequence[int] = (), *, turns: str | bool = True) -> list[int]:

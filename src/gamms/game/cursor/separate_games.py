@@ -19,7 +19,7 @@ from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import GameArrays
-from gamms.game.cursor.shown import lasts_of
+from gamms.game.cursor.shown import list_lasts
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
@@ -44,7 +44,7 @@ class LooksBefore:
         self._begin = begin
         self._values: dict[tuple[str, str], list[Any]] = {}
         self._unread = dict[str, Any]()  # stands for a value that is not made
-        self._lasts = lasts_of(game.ctx)
+        self._lasts = list_lasts(game.ctx)
         begun = game.internals.parts.turns.begun
         for key in self._lasts.keys() - (() if begun is None else begun.sensed):
             self._lasts[key][0] = self._unread
@@ -54,7 +54,7 @@ class LooksBefore:
         unread = [key for key, last in self._lasts.items() if last[0] is self._unread]
         if unread and not self._values:
             alone = self._begin()
-            self._values = {key: [*last] for key, last in lasts_of(alone.ctx).items()}
+            self._values = {key: [*last] for key, last in list_lasts(alone.ctx).items()}
             alone.ctx.terminate()
         for key in unread:
             last = self._lasts[key]

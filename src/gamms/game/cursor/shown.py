@@ -330,7 +330,7 @@ class ShownGame(GamesInContext):
             decided = self._hand_over() if self.raised is None else None
             begun = begun._replace(decided=decided)
             self._forget_other_looks(decided)
-        sensed = frozenset(key for key, last in lasts_of(self._ctx).items() if last[0] is not self.looks)
+        sensed = frozenset(key for key, last in list_lasts(self._ctx).items() if last[0] is not self.looks)
         self.looks.is_filled = True  # with nothing; deleted agents have it, too
         self._fill_fields()
         source = ForkSource(self._parts, only_plain=False)
@@ -421,7 +421,7 @@ class ShownGame(GamesInContext):
         """Forget what agents have sensed, but for those of the game that leaves while they decide."""
         have_decided = () if decided is None else decided.ends
         have_looked = () if decided is None else {*decided.ends, *decided.sensed}
-        for (name, sensor), last in lasts_of(self._ctx).items():
+        for (name, sensor), last in list_lasts(self._ctx).items():
             if name not in (have_looked if sensor else have_decided):
                 last[0] = self.looks
 
@@ -999,7 +999,7 @@ class ShownGame(GamesInContext):
             self._state.flights.hold(agent, self._pointed.number)
 
 
-def lasts_of(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
+def list_lasts(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
     """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
     found = {}
     for agent in ctx.agent.storage.made():

@@ -14,7 +14,7 @@ from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, paths_of_one, usable_graph
+from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, find_usable_graph, paths_of_one
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState
@@ -164,9 +164,9 @@ class Legality:
             one.travel.now = now
 
     @property
-    def _graph(self) -> Any:  # Any: see `usable_graph`
+    def _graph(self) -> Any:  # Any: see `find_usable_graph`
         """The graph of the edges that the agents may use, whatever turn restrictions say."""
-        return usable_graph(self._ctx, self._mode)
+        return find_usable_graph(self._ctx, self._mode)
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move that an action leads to; the path of an agent by metres is then in `travel` of its mode.

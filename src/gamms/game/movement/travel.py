@@ -802,7 +802,7 @@ class Travel(TravelSearch):
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
-        near = usable_graph(self._ctx, self._mode).neighborhoods[here]
+        near = find_usable_graph(self._ctx, self._mode).neighborhoods[here]
         if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
@@ -825,10 +825,10 @@ def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its 
             f"This does not know turn restrictions, and agents with mode= {mode!r} obey them. Shipped strategies that "
             "go to nodes do: goto, follow_path, patrol, random_waypoints, chase, flee, guard and sweep."
         )
-    return usable_graph(ctx, mode)
+    return find_usable_graph(ctx, mode)
 
 
-def usable_graph(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: as above
+def find_usable_graph(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: as above
     """Return the graph of the edges that agents of a mode may use, whatever turn restrictions say; None: all edges."""
     return ctx.graph.graph if mode is None else ctx.graph.routes.select_mode(split_mode(mode)[0])
 
