@@ -1,5 +1,6 @@
 """Ctrl-C in a command: what the folder has by then is complete, and a line says what it is."""
 
+import contextlib
 import csv
 import re
 import signal
@@ -117,9 +118,12 @@ def interrupted_process(pattern, *arguments):
     until = time.monotonic() + 60.0
     while not list(Path().glob(pattern)) and process.poll() is None and time.monotonic() < until:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=60)
-    return process.returncode, said
+    for wait in (3.0, 60.0):  # Python loses an interrupt that comes while an object is freed; a person types it again
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            said, _ = process.communicate(timeout=wait)
+            return process.returncode, said
+    raise AssertionError("The command did not end.")
 
 
 def gamms_until(pattern, *arguments):
