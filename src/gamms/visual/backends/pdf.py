@@ -8,11 +8,11 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from gamms.errors import BadValue
-from gamms.ir.draw import DrawCommands, DrawKind
+from gamms.ir.draw import DrawCommands
 from gamms.plugins import needing
-from gamms.visual.appearance import Rgba
+from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pillow_backend import image_size
-from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, VectorCommands, sheet_of
+from gamms.visual.backends.vectors import Point, write_vectors
 from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.font import ASCENT, FONT, warn_of_boxes
 
@@ -51,124 +51,110 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     page.setAuthor("")
     page.setSubject("")
     page.scale(unit, unit)
-    _Painter(page, sheet_of(commands, camera, background), camera).paint(background)
+    write_vectors(commands, camera, background, _PdfWriter(page, camera, background))
     page.save()
     return data.getvalue()
 
 
-class _Painter:
-    """Paints on a PDF page, with y up; all units are pixels."""
+class _PdfWriter:
+    """Writes on a PDF page, with y up; its units are pixels."""
 
-    def __init__(self, page: "Canvas", sheet: VectorCommands, camera: Camera) -> None:
+    def __init__(self, page: "Canvas", camera: Camera, background: Rgba) -> None:
         self._page = page
-        self._sheet = sheet
-        self._width = camera.width
         self._height = camera.height
-        self._alpha = 1.0, 1.0
-
-    def paint(self, background: Rgba) -> None:
-        """Paint everything from back to front."""
-        page = self._page
-        sheet = self._sheet
+        self._alpha = 1.0
+        self._is_outline = False
         page.setLineCap(_ROUND)
         page.setLineJoin(_ROUND)
         self._ink(background)
-        page.rect(0, 0, self._width, self._height, stroke=0, fill=1)
-        singly = {DrawKind.TEXT: self._text, DrawKind.IMAGE: self._image}
-        for begin, end in sheet.runs():
-            kind = DrawKind(int(sheet.kind[begin]))
-            color = sheet.color[begin].tolist()
-            self._ink(color)
-            page.setLineWidth(int(sheet.width[begin]) / 10)
-            if kind is DrawKind.LINE:
-                self._lines(range(begin, end))
-                continue
-            for row in range(begin, end):
-                paint = singly.get(kind)
-                self._shape(kind, row) if paint is None else paint(row)
+        page.rect(0, 0, camera.width, camera.height, stroke=0, fill=1)
+
+    def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
+        self._is_outline = is_outline
+        self._ink(color)
+        self._page.setLineWidth(width / 10)
+
+    def end(self) -> None:
+        pass
+
+    def lines(self, lines: list[list[Point]]) -> None:
+        """Draw lines as one path, so that transparent lines are blended once where they cross."""
+        path: Any = self._page.beginPath()
+        for line in lines:
+            self._extend(path, line)
+        self._page.drawPath(path, stroke=1, fill=0)
+
+    def circle(self, middle: Point, radius: int) -> None:
+        path: Any = self._page.beginPath()
+        path.circle(*self._place(middle), radius / 10)
+        self._draw(path)
+
+    def rectangle(self, corner: Point, width: int, height: int) -> None:
+        path: Any = self._page.beginPath()
+        x, y = self._place(corner)
+        path.rect(x, y - height / 10, width / 10, height / 10)
+        self._draw(path)
+
+    def polygon(self, corners: list[Point]) -> None:
+        path: Any = self._page.beginPath()
+        self._extend(path, corners)
+        path.close()
+        self._draw(path)
 
     def _ink(self, color: Rgba) -> None:
         red, green, blue, alpha = (part / 255 for part in color)
         self._page.setFillColorRGB(red, green, blue)
         self._page.setStrokeColorRGB(red, green, blue)
-        if self._alpha != (alpha, alpha):
-            self._alpha = alpha, alpha
+        if self._alpha != alpha:
+            self._alpha = alpha
             self._page.setFillAlpha(alpha)
             self._page.setStrokeAlpha(alpha)
 
-    def _points(self, row: int) -> list[tuple[float, float]]:
-        return [(x / 10, self._height - y / 10) for x, y in self._sheet.points_of(row)]
+    def _place(self, point: Point) -> tuple[float, float]:
+        x, y = point
+        return x / 10, self._height - y / 10
 
-    def _lines(self, rows: range) -> None:
-        """Draw lines as one path, so that transparent lines are blended once where they cross."""
-        path: Any = self._page.beginPath()
-        for row in rows:
-            points = self._points(row)
-            kept = [point for point, before in zip(points, [None, *points], strict=False) if point != before]
-            if len(kept) > 1:  # otherwise the line shrank to a point
-                path.moveTo(*kept[0])
-                for point in kept[1:]:
-                    path.lineTo(*point)
-        self._page.drawPath(path, stroke=1, fill=0)
+    def _extend(self, path: Any, points: list[Point]) -> None:
+        path.moveTo(*self._place(points[0]))
+        for point in points[1:]:
+            path.lineTo(*self._place(point))
 
-    def _shape(self, kind: DrawKind, row: int) -> None:
-        """Fill or outline a circle, a polygon or a rectangle."""
-        path: Any = self._page.beginPath()
-        points = self._points(row)
-        if kind is DrawKind.CIRCLE:
-            radius = int(self._sheet.size[row]) / 10
-            if radius < SMALLEST_RADIUS_PX:
-                return
-            path.circle(*points[0], radius)
-        elif kind is DrawKind.RECTANGLE:
-            _, (width, height) = self._sheet.points_of(row)
-            (x, y), _ = points
-            path.rect(x, y - height / 10, width / 10, height / 10)
-        else:
-            path.moveTo(*points[0])
-            for point in points[1:]:
-                path.lineTo(*point)
-            path.close()
-        is_outline = bool(self._sheet.width[row] > 0)
+    def _draw(self, path: Any) -> None:
+        is_outline = self._is_outline
         self._page.drawPath(path, stroke=int(is_outline), fill=int(not is_outline), fillMode=_EVEN_ODD)
 
-    def _text(self, row: int) -> None:
-        size = int(self._sheet.size[row]) / 10
-        ((x, y),) = self._points(row)
-        words = _UNWRITABLE.sub("\ufffd", self._sheet.text[row])
-        if not words or size == 0.0:
+    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+        words = _UNWRITABLE.sub("\ufffd", words)
+        if not words or not size:
             return
         warn_of_boxes(words)
-        for mode in (_STROKE, _FILL) if self._sheet.has_halo(row) else (_FILL,):
+        x, y = self._place(corner)
+        for mode in (_FILL,) if halo is None else (_STROKE, _FILL):
             self._page.saveState()
-            if mode == _STROKE:
+            if halo is not None and mode == _STROKE:
                 self._page.setLineWidth(_HALO_PX)
-                self._page.setStrokeColorRGB(*(part / 255 for part in self._sheet.paper))
-            angle = float(self._sheet.angle[row])
+                self._page.setStrokeColorRGB(*(part / 255 for part in halo))
             begin = (x, y)
             if angle:
                 self._page.translate(x, y)
                 self._page.rotate(angle)
                 begin = 0.0, 0.0
-            text: Any = self._page.beginText(begin[0], begin[1] - ASCENT * size)
-            text.setFont(_FAMILY, size)
+            text: Any = self._page.beginText(begin[0], begin[1] - ASCENT * (size / 10))
+            text.setFont(_FAMILY, size / 10)
             text.setTextRenderMode(mode)
             text.textOut(words)
             self._page.drawText(text)
             self._page.restoreState()
 
-    def _image(self, row: int) -> None:
-        path = self._sheet.text[row]
-        half = int(self._sheet.size[row]) / 10
-        ((x, y),) = self._points(row)
+    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
         try:
             width, height = image_size(path)
         except OSError as error:
             raise BadValue(f"Cannot put {path!r} into a PDF: {error}") from None
-        ratio = 2 * half / max(width, height)
+        ratio = 2 * (half / 10) / max(width, height)
         self._page.saveState()
-        self._page.translate(x, y)
-        self._page.rotate(float(self._sheet.angle[row]))
+        self._page.translate(*self._place(middle))
+        self._page.rotate(angle)
         sides = width * ratio, height * ratio
         self._page.drawImage(path, -sides[0] / 2, -sides[1] / 2, *sides, mask="auto")
         self._page.restoreState()

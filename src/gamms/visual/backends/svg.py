@@ -6,22 +6,21 @@ Equal commands give equal bytes.
 import re
 from base64 import b64encode
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 from gamms.errors import BadValue
-from gamms.ir.draw import DrawCommands, DrawKind
+from gamms.ir.draw import DrawCommands
 from gamms.text import as_xml
-from gamms.visual.appearance import Rgba
-from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, VectorCommands, sheet_of
+from gamms.visual.appearance import Rgb, Rgba
+from gamms.visual.backends.vectors import Point, write_vectors
 from gamms.visual.camera import CSS_DPI, Camera
 from gamms.visual.font import ASCENT, FAMILIES
 
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'
 _NEEDLESS = re.compile(r" (?=[-a-z])|(?<=[a-z]) |(?<!\d)(?<!\.)0(?=\.)")  # in a path
-_Point = tuple[int, ...]  # x, y
 _IMAGE_TYPES = {
     ".png": "png",
     ".jpg": "jpeg",
@@ -34,17 +33,18 @@ _IMAGE_TYPES = {
 
 def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
     """Return the picture as an SVG file, with the paper size given by `dpi`."""
-    sheet = sheet_of(commands, camera, background)
+    writer = _SvgWriter()
+    write_vectors(commands, camera, background, writer)
     lines = [
         _opening(camera, dpi),
         f"<title>{as_xml(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round" fill-rule="evenodd">',
-        *(_group(sheet, begin, end) for begin, end in sheet.runs()),
+        *writer.elements,
         "</g>",
         "</svg>\n",
     ]
-    return "\n".join(line for line in lines if line).encode()
+    return "\n".join(lines).encode()
 
 
 def _opening(camera: Camera, dpi: float) -> str:
@@ -58,22 +58,54 @@ def _opening(camera: Camera, dpi: float) -> str:
     )
 
 
-def _group(sheet: VectorCommands, begin: int, end: int) -> str:
-    """Return the elements of one run; empty if all are too small to be seen."""
-    kind = DrawKind(int(sheet.kind[begin]))
-    if kind is DrawKind.LINE:
-        path = _lines(sheet, begin, end)
-        return f'<path{_style(sheet, begin, kind)} d="{path}"/>' if path else ""
-    body = "".join(_ELEMENTS[kind](sheet, row) for row in range(begin, end))
-    return f"<g{_style(sheet, begin, kind)}>{body}</g>" if body else ""
+class _SvgWriter:
+    """Writes each run as one element.
 
+    Attributes:
+        elements: the runs; those without anything that can be seen are left out.
+    """
 
-def _style(sheet: VectorCommands, row: int, kind: DrawKind) -> str:
-    red, green, blue, alpha = sheet.color[row].tolist()
-    width = int(sheet.width[row])
-    if kind is DrawKind.LINE or width > 0:
-        return f' fill="none"{_paint("stroke", (red, green, blue, alpha))} stroke-width="{_number(width)}"'
-    return _paint("fill", (red, green, blue, alpha))
+    def __init__(self) -> None:
+        self.elements: list[str] = []
+        self._style = ""
+        self._body: list[str] = []
+
+    def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
+        stroke = f' fill="none"{_paint("stroke", color)} stroke-width="{_number(width)}"'
+        self._style = stroke if is_outline else _paint("fill", color)
+        self._body = []
+
+    def end(self) -> None:
+        if self._body:
+            self.elements.append(f"<g{self._style}>{''.join(self._body)}</g>")
+
+    def lines(self, lines: list[list[Point]]) -> None:
+        if lines:
+            self.elements.append(f'<path{self._style} d="{_path(lines)}"/>')
+
+    def circle(self, middle: Point, radius: int) -> None:
+        x, y = middle
+        self._body.append(f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>')
+
+    def rectangle(self, corner: Point, width: int, height: int) -> None:
+        sides = f'width="{_number(width)}" height="{_number(height)}"'
+        self._body.append(f"<rect {_place(corner)} {sides}/>")
+
+    def polygon(self, corners: list[Point]) -> None:
+        steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *corners])]
+        self._body.append(f'<path d="{_joined(["m", *steps, "z"])}"/>')
+
+    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+        x, y = corner
+        place = f'{_place((x, y + round(ASCENT * size)))} font-size="{_number(size)}"{_turned(corner, angle)}'
+        outline = "" if halo is None else _HALO.format(*halo)
+        self._body.append(f"<text {place}{outline}>{as_xml(words)}</text>")
+
+    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
+        x, y = middle
+        side = _number(2 * half)
+        place = f'{_place((x - half, y - half))} width="{side}" height="{side}"{_turned(middle, angle)}'
+        self._body.append(f'<image {place} href="{_embedded(Path(path))}"/>')
 
 
 def _paint(role: str, color: Rgba) -> str:
@@ -82,11 +114,8 @@ def _paint(role: str, color: Rgba) -> str:
     return f' {role}="#{red:02x}{green:02x}{blue:02x}"{opacity}'
 
 
-def _lines(sheet: VectorCommands, begin: int, end: int) -> str:
-    """Return one path through all lines of a run, in connected chains, without lines that shrank to a point."""
-    offsets = (sheet.offsets[begin : end + 1] - sheet.offsets[begin]).tolist()
-    points = list(map(tuple, sheet.points[sheet.offsets[begin] : sheet.offsets[end]].tolist()))
-    lines = [points[first:last] for first, last in pairwise(offsets) if len(set(points[first:last])) > 1]
+def _path(lines: list[list[Point]]) -> str:
+    """Return one path through all lines of a run, in connected chains."""
     steps = list[str]()
     x = 0
     y = 0
@@ -101,15 +130,15 @@ def _lines(sheet: VectorCommands, begin: int, end: int) -> str:
     return _joined(steps)
 
 
-def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, bool]]]:
+def _chains(ends: Sequence[tuple[Point, Point]]) -> Iterator[list[tuple[int, bool]]]:
     """Yield lines as (row, whether it is reversed), in chains where each line begins at the end of the previous one."""
-    at = defaultdict[_Point, list[int]](list)
+    at = defaultdict[Point, list[int]](list)
     for row, (first, last) in enumerate(ends):
         at[first].append(row)
         at[last].append(row)
     is_left = [True] * len(ends)
 
-    def onward(place: _Point) -> Iterator[tuple[int, bool]]:
+    def onward(place: Point) -> Iterator[tuple[int, bool]]:
         rows = at[place]
         while rows:
             row = rows.pop()
@@ -148,57 +177,15 @@ def _number(tenths: int) -> str:
     return f"{sign}{whole}.{tenth}" if tenth else f"{sign}{whole}"
 
 
-# -- single elements ----------------------------------------------------------------------------------------
+def _place(point: Point) -> str:
+    x, y = point
+    return f'x="{_number(x)}" y="{_number(y)}"'
 
 
-def _circle(sheet: VectorCommands, row: int) -> str:
-    x, y = sheet.points_of(row)[0]
-    radius = int(sheet.size[row])
-    if radius < 10 * SMALLEST_RADIUS_PX:
-        return ""
-    return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
-
-
-def _rectangle(sheet: VectorCommands, row: int) -> str:
-    (x, y), (width, height) = sheet.points_of(row)
-    return f'<rect x="{_number(x)}" y="{_number(y)}" width="{_number(width)}" height="{_number(height)}"/>'
-
-
-def _polygon(sheet: VectorCommands, row: int) -> str:
-    points = sheet.points_of(row)
-    points = points[1:] if points[0] == points[1] else points  # for a polygon in pixels, see `on_screen`
-    steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *points])]
-    return f'<path d="{_joined(["m", *steps, "z"])}"/>'
-
-
-def _text(sheet: VectorCommands, row: int) -> str:
-    ((x, y),) = sheet.points_of(row)
-    size = int(sheet.size[row])
-    baseline = _number(y + round(ASCENT * size))
-    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_turned(sheet, row)}{_halo(sheet, row)}'
-    return f"<text {place}>{as_xml(sheet.text[row])}</text>"
-
-
-def _turned(sheet: VectorCommands, row: int) -> str:
-    """Return the attribute that rotates an element around its point."""
-    ((x, y),) = sheet.points_of(row)
-    angle = float(sheet.angle[row])
+def _turned(middle: Point, angle: float) -> str:
+    """Return the attribute that rotates an element around a point."""
+    x, y = middle
     return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
-
-
-def _halo(sheet: VectorCommands, row: int) -> str:
-    return _HALO.format(*sheet.paper) if sheet.has_halo(row) else ""
-
-
-def _image(sheet: VectorCommands, row: int) -> str:
-    ((x, y),) = sheet.points_of(row)
-    half = int(sheet.size[row])
-    turned = _turned(sheet, row)
-    side = _number(2 * half)
-    return (
-        f'<image x="{_number(x - half)}" y="{_number(y - half)}" width="{side}" height="{side}"{turned} '
-        f'href="{_embedded(Path(sheet.text[row]))}"/>'
-    )
 
 
 def _embedded(path: Path) -> str:
@@ -206,12 +193,3 @@ def _embedded(path: Path) -> str:
     if path.suffix.lower() not in _IMAGE_TYPES:
         raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")
     return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"
-
-
-_ELEMENTS: dict[DrawKind, Callable[[VectorCommands, int], str]] = {
-    DrawKind.CIRCLE: _circle,
-    DrawKind.RECTANGLE: _rectangle,
-    DrawKind.POLYGON: _polygon,
-    DrawKind.TEXT: _text,
-    DrawKind.IMAGE: _image,
-}

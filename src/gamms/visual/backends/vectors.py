@@ -1,8 +1,11 @@
-"""Common code of SVG and PDF: draw commands as seen by a camera, in painting order and in runs of one style."""
+"""The walk over draw commands that SVG and PDF share: as seen by a camera, in painting order, in runs of one style.
 
-from collections.abc import Iterator
-from itertools import pairwise
-from typing import NamedTuple
+A format is a `VectorWriter`; `write_vectors` calls it for each element.
+"""
+
+from collections.abc import Callable
+from itertools import groupby, pairwise
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,12 +16,59 @@ from gamms.visual.appearance import Rgb, Rgba, is_dark
 from gamms.visual.camera import FAINTEST_PX, Camera, on_screen, touching
 from gamms.visual.font import EM
 
-SMALLEST_RADIUS_PX = 0.5
+_SMALLEST_RADIUS = 5  # tenths of pixels
 _BEYOND_PX = 8.0  # drawings this far outside may still reach into the picture
 
+Point = tuple[int, int]
 
-class VectorCommands(NamedTuple):
-    """All commands in painting order and in tenths of pixels, the unit of rounding."""
+
+class VectorWriter(Protocol):
+    """A format of vectors. All measures are tenths of pixels, the unit of rounding, with y down."""
+
+    def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
+        """Begin the elements of a run, which have one kind and style; they are outlines or filled."""
+
+    def end(self) -> None:
+        """End the run; it may be empty."""
+
+    def lines(self, lines: list[list[Point]]) -> None:
+        """Write all lines of a run, each of at least two points, of which neighbors differ."""
+
+    def circle(self, middle: Point, radius: int) -> None:
+        """Write a circle."""
+
+    def rectangle(self, corner: Point, width: int, height: int) -> None:
+        """Write a rectangle below and to the right of a corner."""
+
+    def polygon(self, corners: list[Point]) -> None:
+        """Write a polygon."""
+
+    def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
+        """Write text below and to the right of a corner, around which it turns; a halo makes it readable over a map."""
+
+    def image(self, path: str, middle: Point, half: int, angle: float) -> None:
+        """Write an image file that turns around its middle, with half of its longer side."""
+
+
+def write_vectors(commands: DrawCommands, camera: Camera, background: Rgba, writer: VectorWriter) -> None:
+    """Write draw commands as seen by a camera over a background, from back to front."""
+    sheet = _sheet_of(commands, camera, background)
+    for begin, end in pairwise(kernels.equal_runs(sheet.kind, sheet.width, *sheet.color.T).tolist()):
+        kind = DrawKind(int(sheet.kind[begin]))
+        red, green, blue, alpha = sheet.color[begin].tolist()
+        width = int(sheet.width[begin])
+        writer.begin((red, green, blue, alpha), width, is_outline=kind is DrawKind.LINE or width > 0)
+        if kind is DrawKind.LINE:
+            lines = ([point for point, _ in groupby(sheet.points_of(row))] for row in range(begin, end))
+            writer.lines([line for line in lines if len(line) > 1])  # the others shrank to a point
+        else:
+            for row in range(begin, end):
+                _ELEMENTS[kind](sheet, row, writer)
+        writer.end()
+
+
+class _Sheet(NamedTuple):
+    """All commands in painting order and in tenths of pixels."""
 
     kind: IntArray  # (commands,)
     color: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]"  # (commands, 4)
@@ -30,21 +80,46 @@ class VectorCommands(NamedTuple):
     text: list[str]  # (commands,)
     paper: Rgb
 
-    def points_of(self, row: int) -> list[list[int]]:
+    def points_of(self, row: int) -> list[Point]:
         """Return the points of one command."""
-        points: list[list[int]] = self.points[self.offsets[row] : self.offsets[row + 1]].tolist()
-        return points
-
-    def has_halo(self, row: int) -> bool:
-        """Return whether text has an outline in the background color, to be readable over a map."""
-        return is_dark(self.color[row].tolist()) != is_dark(self.paper)
-
-    def runs(self) -> Iterator[tuple[int, int]]:
-        """Yield (first row, last row + 1) of consecutive commands that are painted together."""
-        yield from pairwise(kernels.equal_runs(self.kind, self.width, *self.color.T).tolist())
+        return [(x, y) for x, y in self.points[self.offsets[row] : self.offsets[row + 1]].tolist()]
 
 
-def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> VectorCommands:
+def _write_circle(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
+    radius = int(sheet.size[row])
+    if radius >= _SMALLEST_RADIUS:
+        writer.circle(sheet.points_of(row)[0], radius)
+
+
+def _write_rectangle(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
+    corner, (width, height) = sheet.points_of(row)
+    writer.rectangle(corner, width, height)
+
+
+def _write_polygon(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
+    corners = sheet.points_of(row)
+    writer.polygon(corners[1:] if corners[0] == corners[1] else corners)  # for a polygon in pixels, see `on_screen`
+
+
+def _write_text(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
+    halo = sheet.paper if is_dark(sheet.color[row].tolist()) != is_dark(sheet.paper) else None
+    writer.text(sheet.text[row], sheet.points_of(row)[0], int(sheet.size[row]), float(sheet.angle[row]), halo)
+
+
+def _write_image(sheet: _Sheet, row: int, writer: VectorWriter) -> None:
+    writer.image(sheet.text[row], sheet.points_of(row)[0], int(sheet.size[row]), float(sheet.angle[row]))
+
+
+_ELEMENTS: dict[DrawKind, Callable[[_Sheet, int, VectorWriter], None]] = {
+    DrawKind.CIRCLE: _write_circle,
+    DrawKind.RECTANGLE: _write_rectangle,
+    DrawKind.POLYGON: _write_polygon,
+    DrawKind.TEXT: _write_text,
+    DrawKind.IMAGE: _write_image,
+}
+
+
+def _sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> _Sheet:
     """Return the view of a camera on draw commands over a background."""
     points = on_screen(commands, camera)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
@@ -53,7 +128,7 @@ def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Vector
     boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
-    return VectorCommands(
+    return _Sheet(
         kind=commands.kind[rows],
         color=commands.color[rows],
         size=_tenths(commands.size * scale * font_scale)[rows],
