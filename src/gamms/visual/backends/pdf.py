@@ -63,14 +63,14 @@ class _PdfWriter:
         self._page = page
         self._height = camera.height
         self._alpha = 1.0
-        self._is_outline = False
+        self._paint = dict[str, int]()  # the arguments of drawPath
         page.setLineCap(_ROUND)
         page.setLineJoin(_ROUND)
         self._ink(background)
         page.rect(0, 0, camera.width, camera.height, stroke=0, fill=1)
 
     def begin(self, color: Rgba, width: int, *, is_outline: bool) -> None:
-        self._is_outline = is_outline
+        self._paint = {"stroke": int(is_outline), "fill": int(not is_outline), "fillMode": _EVEN_ODD}
         self._ink(color)
         self._page.setLineWidth(width / 10)
 
@@ -79,27 +79,23 @@ class _PdfWriter:
 
     def lines(self, lines: list[list[Point]]) -> None:
         """Draw lines as one path, so that transparent lines are blended once where they cross."""
-        path: Any = self._page.beginPath()
-        for line in lines:
-            self._extend(path, line)
-        self._page.drawPath(path, stroke=1, fill=0)
+        self._page.drawPath(self._path(lines), **self._paint)
 
     def circle(self, middle: Point, radius: int) -> None:
         path: Any = self._page.beginPath()
         path.circle(*self._place(middle), radius / 10)
-        self._draw(path)
+        self._page.drawPath(path, **self._paint)
 
     def rectangle(self, corner: Point, width: int, height: int) -> None:
         path: Any = self._page.beginPath()
         x, y = self._place(corner)
         path.rect(x, y - height / 10, width / 10, height / 10)
-        self._draw(path)
+        self._page.drawPath(path, **self._paint)
 
     def polygon(self, corners: list[Point]) -> None:
-        path: Any = self._page.beginPath()
-        self._extend(path, corners)
+        path = self._path([corners])
         path.close()
-        self._draw(path)
+        self._page.drawPath(path, **self._paint)
 
     def _ink(self, color: Rgba) -> None:
         red, green, blue, alpha = (part / 255 for part in color)
@@ -114,14 +110,13 @@ class _PdfWriter:
         x, y = point
         return x / 10, self._height - y / 10
 
-    def _extend(self, path: Any, points: list[Point]) -> None:
-        path.moveTo(*self._place(points[0]))
-        for point in points[1:]:
-            path.lineTo(*self._place(point))
-
-    def _draw(self, path: Any) -> None:
-        is_outline = self._is_outline
-        self._page.drawPath(path, stroke=int(is_outline), fill=int(not is_outline), fillMode=_EVEN_ODD)
+    def _path(self, lines: list[list[Point]]) -> Any:
+        path: Any = self._page.beginPath()
+        for line in lines:
+            path.moveTo(*self._place(line[0]))
+            for point in line[1:]:
+                path.lineTo(*self._place(point))
+        return path
 
     def text(self, words: str, corner: Point, size: int, angle: float, halo: Rgb | None) -> None:
         words = _UNWRITABLE.sub("\ufffd", words)
