@@ -1,5 +1,6 @@
 """Places on the globe and on the map: degrees and back, the nearest node, and nodes drawn at random."""
 
+import hashlib
 import math
 import sys
 
@@ -167,6 +168,23 @@ def test_zones_of_utm_agree_with_pyproj_and_do_without_it(crs, monkeypatch):
     assert np.abs(projection.project(lonlat, projection.WGS84, crs) - known).max() < 1e-6  # metres
     again = projection.project(known, crs, projection.WGS84)
     assert np.abs((again - lonlat + 180.0) % 360.0 - 180.0).max() < 1e-12  # degrees
+
+
+def test_zones_of_utm_and_lengths_have_the_same_bits_on_every_machine():
+    steps = np.arange(5_000)
+    lonlat = np.column_stack((steps * 7919 % 18_000 / 1_000.0 + 18.0, steps * 104_729 % 168_000 / 1_000.0 - 84.0))
+    xy = projection.project(lonlat, projection.WGS84, "EPSG:32635")
+    again = projection.project(xy, "EPSG:32635", projection.WGS84)
+    lengths = projection.ellipsoid_lengths(lonlat[1:], lonlat[:-1])
+    bits = b"".join(np.ascontiguousarray(one, "<f8").tobytes() for one in (xy, again, lengths))
+    assert hashlib.sha256(bits).hexdigest()[:16] == "2bb181c0ec08571d"
+
+
+def test_coordinates_of_one_zone_become_those_of_its_neighbor_without_pyproj(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    lonlat = np.array([(29.9, 60.2), (30.1, -12.0)])
+    there, beside = (projection.project(lonlat, projection.WGS84, crs) for crs in ("EPSG:32635", "EPSG:32636"))
+    assert np.abs(projection.project(there, "EPSG:32635", "EPSG:32636") - beside).max() < 1e-6  # metres
 
 
 HELSINKI = np.array([(24.93, 60.16), (24.95, 60.18)])  # degrees

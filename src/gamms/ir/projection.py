@@ -1,18 +1,28 @@
 """Projections between degrees and metres, and lengths on the ellipsoid.
 
 UTM zones (EPSG:326xx, 327xx, for Europe 258xx, for Finland 3067) are computed here, with the series of Krüger (1912) to
-sixth order as given by Karney ("Transverse Mercator with an accuracy of a few nanometers", 2011); all other CRSs use
-pyproj.
+sixth order as given by Karney ("Transverse Mercator with an accuracy of a few nanometers", 2011), and lengths with the
+formula of Vincenty (1975): with the same bits on every machine, by `elementary.py`. All other CRSs use pyproj.
 """
 
 import re
 import warnings
 from functools import cache, lru_cache
+from itertools import accumulate, repeat
+from operator import mul
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import BadValue, MissingExtra
+from gamms.ir.elementary import (
+    hyperbolic_sine,
+    inverse_hyperbolic_sine,
+    inverse_hyperbolic_tangent,
+    length,
+    polar_angle,
+    sine_cosine,
+)
 from gamms.ir.graph import FloatArray
 from gamms.plugins import needing
 from gamms.text import shown
@@ -154,20 +164,20 @@ def turned(lonlat: FloatArray, middle: float) -> FloatArray:
 def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return distances in metres along the WGS84 ellipsoid between positions (lines, 2) in degrees.
 
-    Uses the inverse formula of Vincenty (1975), accurate to 0.1 mm; for nearly antipodal points, where it does not
+    Uses the inverse formula of Vincenty, accurate to 0.1 mm; for nearly antipodal points, where it does not
     converge, the great circle, accurate to 0.6 %.
     """
     f = _WGS84_F
     apart = np.radians((end[:, 0] - start[:, 0] + 180.0) % 360.0 - 180.0)
-    reduced = [np.arctan((1.0 - f) * np.tan(np.radians(side[:, 1]))) for side in (start, end)]
-    (s1, c1), (s2, c2) = ((np.sin(angle), np.cos(angle)) for angle in reduced)
+    (s1, c1), (s2, c2) = (sine_cosine(_reduced_latitudes(side)) for side in (start, end))
     angle = apart
     step = np.zeros_like(apart)
     for _ in range(_TURNS):
-        sine = np.hypot(c2 * np.sin(angle), c1 * s2 - s1 * c2 * np.cos(angle))
-        cosine = s1 * s2 + c1 * c2 * np.cos(angle)
-        arc = np.arctan2(sine, cosine)
-        tilt = np.divide(c1 * c2 * np.sin(angle), sine, out=np.zeros_like(sine), where=sine > 0.0)
+        east, north = sine_cosine(angle)
+        sine = length(c2 * east, c1 * s2 - s1 * c2 * north)
+        cosine = s1 * s2 + c1 * c2 * north
+        arc = polar_angle(sine, cosine)
+        tilt = np.divide(c1 * c2 * east, sine, out=np.zeros_like(sine), where=sine > 0.0)
         flat = 1.0 - tilt**2  # the squared cosine of the azimuth at the equator
         middle = cosine - 2.0 * np.divide(s1 * s2, flat, out=np.zeros_like(flat), where=flat > 0.0)
         c = f / 16.0 * flat * (4.0 + f * (4.0 - 3.0 * flat))
@@ -177,7 +187,7 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
         angle = following
         if not (step > _SAME_ANGLE).any():
             break
-    u2 = flat * f * (2.0 - f) / (1.0 - f) ** 2
+    u2 = flat * f * (2.0 - f) / ((1.0 - f) * (1.0 - f))
     a = 1.0 + u2 / 16384.0 * (4096.0 + u2 * (u2 * (320.0 - 175.0 * u2) - 768.0))
     b = u2 / 1024.0 * (256.0 + u2 * (u2 * (74.0 - 47.0 * u2) - 128.0))
     third = b / 6.0 * middle * (4.0 * sine**2 - 3.0) * (4.0 * middle**2 - 3.0)
@@ -186,8 +196,14 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     )
     lost = step > _LOST_ANGLE
     if lost.any():
-        lengths[lost] = _A * np.arccos(np.clip(s1 * s2 + c1 * c2 * np.cos(apart), -1.0, 1.0))[lost]
+        cosine = s1 * s2 + c1 * c2 * sine_cosine(apart)[1]
+        lengths[lost] = _A * polar_angle(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)), cosine)[lost]
     return lengths
+
+
+def _reduced_latitudes(lonlat: FloatArray) -> FloatArray:
+    sine, cosine = sine_cosine(np.radians(lonlat[:, 1]))
+    return polar_angle((1.0 - _WGS84_F) * sine, cosine)
 
 
 def check_metres(points: FloatArray, lengths: FloatArray, name: str) -> None:
@@ -346,11 +362,10 @@ def _transformed(points: FloatArray, source: object, target: object) -> FloatArr
     if source == target:
         return points
     before, after = (zone_of(crs) if isinstance(crs, str) else None for crs in (source, target))
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # overflows are refused afterwards
-        if before is not None and target == WGS84:
-            return _from_zone(points, before)
-        if after is not None and source == WGS84:
-            return _to_zone(points, after)
+    if (before or source == WGS84) and (after or target == WGS84):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # overflows are refused afterwards
+            lonlat = points if before is None else _from_zone(points, before)
+            return lonlat if after is None else _to_zone(lonlat, after)
     return np.column_stack(_transformer(source, target).transform(points[:, 0], points[:, 1]))
 
 
@@ -394,13 +409,16 @@ def zone_of(crs: str) -> Zone | None:
 def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
     """Convert degrees (points, 2) to metres; infinite on the far half of the globe, where the series are invalid."""
     east = np.radians((lonlat[:, 0] - zone.middle + 180.0) % 360.0 - 180.0)
-    tangent = np.tan(np.radians(lonlat[:, 1]))
-    e = _eccentricity(zone.flattening)
-    conformal = _conformal(tangent, e)
-    plain = np.arctan2(conformal, np.cos(east)) + 1j * np.arcsinh(np.sin(east) / np.hypot(conformal, np.cos(east)))
+    sine, cosine = sine_cosine(np.radians(lonlat[:, 1]))
+    conformal = _conformal(sine / cosine, _eccentricity(zone.flattening))
+    sine_east, cosine_east = sine_cosine(east)
+    size = length(conformal, cosine_east)
+    across = sine_east / size
     radius, forth, _ = _series(zone.flattening)
-    z = plain + sum(one * np.sin(2.0 * j * plain) for j, one in enumerate(forth, 1))
-    xy = _K0 * radius * np.column_stack((z.imag, z.real)) + (_EAST, zone.north)
+    up, right = _sine_series(forth, conformal / size, cosine_east / size, across)
+    y = polar_angle(conformal, cosine_east) + up
+    x = inverse_hyperbolic_sine(across) + right
+    xy = _K0 * radius * np.column_stack((x, y)) + (_EAST, zone.north)
     xy[(np.abs(lonlat[:, 1]) > 90.0) | ~(np.abs(east) < np.pi / 2.0)] = np.inf
     return xy
 
@@ -408,27 +426,56 @@ def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
 def _from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
     """Convert metres (points, 2) to degrees; infinite if they belong to no place."""
     radius, _, back = _series(zone.flattening)
-    z = (xy - (_EAST, zone.north)) / (_K0 * radius) @ (1j, 1.0)
-    plain = z - sum(one * np.sin(2.0 * j * z) for j, one in enumerate(back, 1))
-    across = np.sinh(plain.imag)
-    wanted = np.sin(plain.real) / np.hypot(across, np.cos(plain.real))
+    x, y = ((xy - (_EAST, zone.north)) / (_K0 * radius)).T
+    up, right = _sine_series(back, *sine_cosine(y), hyperbolic_sine(x))
+    across = hyperbolic_sine(x - right)
+    sine, cosine = sine_cosine(y - up)
+    wanted = sine / length(across, cosine)
     e = _eccentricity(zone.flattening)
     tangent = wanted
     for _ in range(_ROUNDS):  # Karney 2011, equations 19 to 21
         found = _conformal(tangent, e)
-        slope = (1.0 - e**2) * np.hypot(1.0, found) * np.hypot(1.0, tangent) / (1.0 + (1.0 - e**2) * tangent**2)
+        slope = (1.0 - e**2) * length(1.0, found) * length(1.0, tangent) / (1.0 + (1.0 - e**2) * tangent**2)
         tangent = tangent + (wanted - found) / slope
-    longitude = zone.middle + np.degrees(np.arctan2(across, np.cos(plain.real)))
-    lonlat = np.column_stack(((longitude + 180.0) % 360.0 - 180.0, np.degrees(np.arctan(tangent))))
-    lonlat[~((np.abs(z.real) <= np.pi / 2.0) & (np.abs(z.imag) < np.pi / 2.0))] = np.inf
+    longitude = zone.middle + np.degrees(polar_angle(across, cosine))
+    latitude = np.degrees(polar_angle(tangent, np.ones_like(tangent)))
+    lonlat = np.column_stack(((longitude + 180.0) % 360.0 - 180.0, latitude))
+    lonlat[~((np.abs(y) <= np.pi / 2.0) & (np.abs(x) < np.pi / 2.0))] = np.inf
     return lonlat
+
+
+def _sine_series(
+    coefficients: list[float], sine: FloatArray, cosine: FloatArray, hyperbolic: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the real and imaginary parts of a series of sines of even multiples of a complex angle, by Clenshaw.
+
+    Args:
+        coefficients: of twice the angle, four times the angle, …
+        sine: of its real part.
+        cosine: of its real part.
+        hyperbolic: the hyperbolic sine of its imaginary part.
+    """
+    sine_2 = 2.0 * sine * cosine
+    cosine_2 = (cosine - sine) * (cosine + sine)
+    sinh_2 = 2.0 * hyperbolic * length(1.0, hyperbolic)
+    cosh_2 = 1.0 + 2.0 * hyperbolic**2
+    turn = 2.0 * cosine_2 * cosh_2, -2.0 * sine_2 * sinh_2
+    real = after_real = np.zeros_like(sine)
+    imaginary = after_imaginary = np.zeros_like(sine)
+    for one in reversed(coefficients):
+        next_real = one + turn[0] * real - turn[1] * imaginary - after_real
+        next_imaginary = turn[0] * imaginary + turn[1] * real - after_imaginary
+        real, after_real = next_real, real
+        imaginary, after_imaginary = next_imaginary, imaginary
+    upright = sine_2 * cosh_2, cosine_2 * sinh_2
+    return real * upright[0] - imaginary * upright[1], real * upright[1] + imaginary * upright[0]
 
 
 def _conformal(tangent: FloatArray, e: float) -> FloatArray:
     """Convert tangents of latitudes to tangents of conformal latitudes (Karney 2011, equations 7 to 9)."""
-    sigma = np.sinh(e * np.arctanh(e * tangent / np.hypot(1.0, tangent)))
-    found: FloatArray = tangent * np.hypot(1.0, sigma) - sigma * np.hypot(1.0, tangent)
-    return found
+    secant = length(1.0, tangent)
+    sigma = hyperbolic_sine(e * inverse_hyperbolic_tangent(e * tangent / secant))
+    return tangent * length(1.0, sigma) - sigma * secant
 
 
 def _eccentricity(flattening: float) -> float:
@@ -439,9 +486,10 @@ def _eccentricity(flattening: float) -> float:
 def _series(flattening: float) -> tuple[float, list[float], list[float]]:
     """Return the radius of the rectifying sphere, and the series coefficients in both directions."""
     n = flattening / (2.0 - flattening)
-    powers = n ** np.arange(1, 7)
-    radius = _A / (1.0 + n) * (1.0 + n**2 / 4.0 + n**4 / 64.0 + n**6 / 256.0)
-    return radius, (np.array(_FORTH) @ powers).tolist(), (np.array(_BACK) @ powers).tolist()
+    powers = [*accumulate(repeat(n, 6), mul)]
+    radius = _A / (1.0 + n) * (1.0 + powers[1] / 4.0 + powers[3] / 64.0 + powers[5] / 256.0)
+    forth, back = ([sum(map(mul, row, powers)) for row in table] for table in (_FORTH, _BACK))
+    return radius, forth, back
 
 
 # -- other CRSs ---------------------------------------------------------------------------------------------------
