@@ -64,7 +64,8 @@ docs: $(VENV)/.docs
 
 figures: $(VENV)/.dev
 	$(BIN)/python examples/figures.py docs/figures
-	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out && cp $$out/final.svg docs/demo.svg && rm -r $$out
+	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out \
+		&& $(BIN)/python scripts/animate_game.py $$out/game.ggr docs/demo.svg && rm -r $$out
 	$(BIN)/python scripts/draw_architecture.py docs/figures
 	GAMMS_REFRESH_EXAMPLES=1 $(BIN)/python -m pytest -q tests/docs/test_docs.py
 

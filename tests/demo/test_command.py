@@ -2,6 +2,7 @@
 
 import json
 import os
+import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -61,9 +62,12 @@ def test_it_prints_what_happened_and_draws_the_picture_of_the_readme(tmp_path):
         assert nodes == {name: agent["node"] for name, agent in result["agents"].items()}
         assert recording.turns == result["turns"]
         assert list(recording.events()) == result["events"]
-    drawn = (tmp_path / "final.svg").read_text()
-    assert drawn == (Path(__file__).parents[2] / "docs" / "demo.svg").read_text()  # `make figures` draws it again
-    text = "".join(ET.fromstring(drawn).itertext())
+    root = Path(__file__).parents[2]
+    runpy.run_path(str(root / "scripts" / "animate_game.py"))["main"](tmp_path / "game.ggr", tmp_path / "moving.svg")
+    drawn = (tmp_path / "moving.svg").read_text()
+    assert drawn == (root / "docs" / "demo.svg").read_text(), "run make figures"
+    assert "blue_1 brings the red flag home" in "".join(ET.fromstring(drawn).itertext())
+    text = "".join(ET.fromstring((tmp_path / "final.svg").read_text()).itertext())
     assert "OpenStreetMap contributors" in text
     assert sum(agent in text for agent in result["agents"]) > 4
 

@@ -106,6 +106,15 @@ def test_what_pages_call_on_a_context_can_be_called():
         assert not [name for name in called if not callable(attrgetter(name[1:])(ctx))]
 
 
+def test_the_times_in_the_readme_are_those_of_the_benchmarks():
+    paragraphs = (ROOT / "README.md").read_text(encoding="utf-8").split("\n\n")
+    said = next(one for one in paragraphs if "[Benchmarks](" in one)
+    table = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    times = re.findall(r"[\d.]+ [nu]s\b", said)
+    assert len(times) == 5
+    assert not [one for one in times if f" {one} |" not in table and f": {one}" not in table]
+
+
 def test_every_page_can_be_reached_from_the_index():
     reached, waiting = set(), [DOCS / "index.md"]
     while waiting:
