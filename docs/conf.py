@@ -68,7 +68,14 @@ _PLAYING = (
     '<img class="only-light" src="_replays/gallery/\\3.png" alt="\\1">'
     '<img class="only-dark" src="_replays/gallery/\\3_dark.png" alt="\\1"></a>\n```'
 )
+_THUMBNAIL = re.compile(r'<img src="figures/gallery/(\w+)\.png" ([^>]+)>')  # in tables of pictures
+_BY_THEME = (
+    r'<img class="only-light" src="_replays/gallery/\1.png" \2>'
+    r'<img class="only-dark" src="_replays/gallery/\1_dark.png" \2>'
+)
+_ALL_PAGES = re.compile(r"^## All pages\n.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)  # which the site shows at the side
 _FRONT = re.compile(r"^!\[[^\]]*\]\(demo\.svg\)$", re.MULTILINE)  # of the front page, where the site shows a replay
+_MOMENT = "gallery/capture_the_flag.html#turn=134&agent=blue_1&play"  # a frame follows the agent: it takes the flag
 _FRAME = (
     '```{{raw}} html\n<iframe class="replay" src="{to_root}_replays/{name}" title="Replay of a game" loading="lazy">'
     "</iframe>\n```"
@@ -106,12 +113,14 @@ def complete(_: Sphinx, docname: str, source: list[str]) -> None:
     """Add the navigation to a page of contents, and frames to pages with replays."""
     page = DOCS / f"{docname}.md"
     if page.name == "index.md":
+        source[0] = _ALL_PAGES.sub("", source[0])
         source[0] += "".join(toctree_of(page, heading, linked) for heading, linked in pages.contents_of(page))
     to_root = "../" * docname.count("/")
     source[0] = pages.LINK.sub(lambda match: _within(page, match), source[0])
     source[0] = _STILL.sub(_PLAYING, source[0])
+    source[0] = _THUMBNAIL.sub(_BY_THEME, source[0])
     if docname == "index":
-        source[0] = _FRONT.sub(_FRAME.format(to_root="", name="gallery/capture_the_flag.html#turn=80&play"), source[0])
+        source[0] = _FRONT.sub(_FRAME.format(to_root="", name=_MOMENT), source[0])
     source[0] = pages.INDEX.sub(_index_entries, source[0])
     source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
     words = pages.index_words_of(page) if page.is_file() else []

@@ -24,7 +24,8 @@ REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page s
 INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which the search finds the section
 
 _AFTER = re.compile(r"^<!-- after: (\S+) -->$", re.MULTILINE)
-_ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#\s]+\.md)\)", re.MULTILINE)
+_ROW = re.compile(r"^\| \[[^\]<]*\]\(([^)#\s]+\.md)\)", re.MULTILINE)  # not one that begins with a picture
+_LIST = re.compile(r"^\* \*\*([^*]+):\*\* (.+)$", re.MULTILINE)
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`[^`\n]*`")  # within a line
 _HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
@@ -129,7 +130,12 @@ def anchors_of(page: Path) -> set[str]:
 
 
 def contents_of(page: Path) -> list[tuple[str, list[Path]]]:
-    """Return what a page lists as a table of contents: each heading, and the pages that begin the rows below it."""
-    parts = re.split(r"^## (.+)$", prose_of(page), flags=re.MULTILINE)
-    sections = zip(["", *parts[1::2]], parts[::2], strict=True)
-    return [(heading, [(page.parent / path).resolve() for path in _ROW.findall(text)]) for heading, text in sections]
+    """Return the table of contents of a page: headings, each with its pages.
+
+    A heading has the pages that begin the rows of tables below it. The list of all pages has a heading in each line.
+    """
+    prose = prose_of(page)
+    parts = re.split(r"^## (.+)$", prose, flags=re.MULTILINE)
+    rows = [(heading, _ROW.findall(text)) for heading, text in zip(["", *parts[1::2]], parts[::2], strict=True)]
+    lists = [(heading, [path for _, path in LINK.findall(links)]) for heading, links in _LIST.findall(prose)]
+    return [(heading, [(page.parent / path).resolve() for path in paths]) for heading, paths in [*rows, *lists]]

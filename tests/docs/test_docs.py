@@ -115,6 +115,19 @@ def test_the_times_in_the_readme_are_those_of_the_benchmarks():
     assert not [one for one in times if f" {one} |" not in table and f": {one}" not in table]
 
 
+CARD = re.compile(r'\[<img src="([^"]+)" width="\d+" alt="[^"]+">\]\(([^)]+)\)<br>')
+
+
+def test_the_front_page_has_six_cards_with_pictures_and_lists_all_pages_once():
+    page = (DOCS / "index.md").read_text(encoding="utf-8")
+    shown, leads = zip(*CARD.findall(page), strict=True)
+    assert len(set(leads)) == 6
+    assert all((DOCS / picture).is_file() for picture in shown)
+    listed = [one for _, several in pages.contents_of(DOCS / "index.md") for one in several]
+    assert len(listed) == len(set(listed)) > 40
+    assert {DOCS / lead for lead in leads} <= set(listed)
+
+
 def test_every_page_can_be_reached_from_the_index():
     reached, waiting = set(), [DOCS / "index.md"]
     while waiting:
