@@ -20,7 +20,7 @@ import pytest
 from figure_files import assert_same_figure
 
 import gamms
-from gamms import compat
+from gamms import compat, scenario
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -126,6 +126,16 @@ def test_the_front_page_has_six_cards_with_pictures_and_lists_all_pages_once():
     listed = [one for _, several in pages.contents_of(DOCS / "index.md") for one in several]
     assert len(listed) == len(set(listed)) > 40
     assert {DOCS / lead for lead in leads} <= set(listed)
+
+
+def test_the_gallery_opens_with_a_picture_of_each_of_its_games_which_leads_to_it():
+    opening, *entries = (DOCS / "gallery.md").read_text(encoding="utf-8").split("\n## ")
+    cards = CARD.findall(opening)
+    assert [picture for picture, _ in cards] == [f"figures/gallery/{name}.png" for name in sorted(scenario.gallery())]
+    assert opening.index("<img") < opening.index("```")
+    for (picture, lead), entry in zip(cards, entries, strict=False):
+        assert entry.lower().startswith(f"{lead[1:].replace('-', ' ')}\n"), f"{lead} is not where its picture leads"
+        assert f"]({picture})" in entry
 
 
 def test_every_page_can_be_reached_from_the_index():
