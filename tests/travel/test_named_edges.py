@@ -268,7 +268,7 @@ def test_games_of_a_batch_take_the_edges_that_they_take_alone(town, game, option
     with town.game.batch(4) as games:
         games.run(5)
         found = [games.result(i).events for i in range(4)]
-        assert "4 of them in contexts of their own" in str(games)
+        assert ("4 of them in contexts of their own" in str(games)) == (game.get("decide") == "arrival")
     for seed in range(4):
         town.game.reset(seed=seed)
         alone.append(town.game.run(5).events)
@@ -422,7 +422,7 @@ def test_array_strategies_take_the_edges_in_a_batch_that_they_take_alone(town, g
     with town.game.batch(4) as games:
         games.run(5)
         found = [games.result(i).events for i in range(4)]
-        assert "4 of them in contexts of their own" in str(games)
+        assert ("4 of them in contexts of their own" in str(games)) == (game.get("decide") == "arrival")
     alone = []
     for seed in range(4):
         town.game.reset(seed=seed)
@@ -461,12 +461,15 @@ def test_actions_from_outside_name_edges(town, game, options):
             edges[0] = -1
             taken.append(edges[1, 0])
             games.step({"red": {"edges": edges}})
-        assert "1 of them in contexts of their own" in str(games)
+        assert "contexts of their own" not in str(games)
         assert games.result(0).events == []
         events = games.result(1).events
         legs = [event["edge"] for event in events]
     assert legs
     assert set(legs) <= set(taken)
+    town.game.reset(seed=1)
+    town.agent.get_agent("ann").strategy = act(*({"edge": edge} if edge >= 0 else None for edge in map(int, taken)))
+    assert town.game.run(4).events == events
 
 
 def test_games_go_on_by_their_own_strategies_after_edges_were_given(town):
@@ -515,16 +518,17 @@ def test_recordings_of_games_of_a_batch_have_the_edges_that_were_given(town, tmp
                 assert recording.table("edges")["edge"].tolist() == taken
 
 
-def test_edges_that_are_named_late_need_the_actions_before(town):
-    build(town, strategy=gamms.strategies.stay)
+def test_edges_that_are_named_late_at_arrivals_need_the_actions_before(town):
+    town.game.configure({"speed_unit": "metres", "decide": "arrival"})
+    build(town, strategy=gamms.strategies.stay, speed=60)
     with town.game.batch(2) as games:
         games.step({"red": [[1], [1]]})
         with pytest.raises(BadValue, match="record=True"):
             games.step({"red": {"edges": [[13], [-1]]}})
     with town.game.batch(2) as games:
         games.step({"red": {"moves": [[1], [1]], "edges": [[-1], [-1]]}})
-        games.step({"red": {"edges": [[14], [-1]]}})
-        assert games.observe("red")["curr_pos"].tolist() == [[2], [1]]
+        games.step({"red": {"edges": [[13], [-1]]}})
+        assert "1 of them in contexts of their own" in str(games)
 
 
 def test_views_take_edges_only_while_a_strategy_decides(town):
@@ -583,3 +587,59 @@ def test_an_illegal_edge_of_a_plan_of_arrays_is_an_illegal_action(town):
     (error,) = town.game.run(1).errors
     assert (error["kind"], error["agent"]) == ("illegal", "ann")
     assert "Edge 11 is not legal" in error["message"]
+
+
+def take_any(state):
+    """Take a legal edge, or now and then any edge."""
+    edges = state["legal_edges"]
+    is_any = not edges or state["draw"].random() < 0.3
+    state["action"] = {"edge": state["draw"].choice([10, 11, 12, 13, 14, 15, 99] if is_any else edges)}
+
+
+@gamms.array_strategy
+def take_any_in_arrays(view):
+    """Take a legal edge, or now and then any edge."""
+    edges = np.array([10, 11, 12, 13, 14, 15, 99])[view.draw.below(np.full(view.node.shape, 7))]
+    legal = view["legal_edges"].max(axis=-1, initial=-1)
+    view.take_edges(np.where(view.draw.below(np.full(view.node.shape, 4)) > 0, legal, edges))
+    return np.minimum(1, view.counts - 1)
+
+
+def tell_fuel(ctx):
+    """Make an event of the fuel that agents have left."""
+    ctx.game.emit("fuel", left=dict(ctx.game.data["resources"]["fuel"]["amounts"]))
+
+
+def close_or_leave(ctx):
+    """Close an edge in the third turn, and change a setting in one game, so that it leaves its batch."""
+    if ctx.game.turn == 2 and not ctx.graph.closed_roads:
+        ctx.graph.close_roads([12])
+    if ctx.game.turn == 4 and ctx.seed == 1:
+        ctx.game.max_turns = 8
+
+
+@pytest.mark.parametrize(("game", "options"), KINDS_OF_GAMES[:-1])
+@pytest.mark.parametrize(("strategy", "order"), [(take_any, None), (take_any_in_arrays, None), (take_any, True)])
+def test_named_edges_of_a_batch_are_charged_closed_and_refused_as_alone(town, game, options, strategy, order):
+    town.game.configure({**game, "order": [["blue"], ["red"]] if order else None, "on_illegal": "stay"})
+    build(town, strategy=strategy, **options)
+    for id, source, target, length, _ in ROADS:
+        town.graph.graph.update_edge({"id": id, "source": source, "target": target, "length": length, "fare": id - 9})
+    town.agent.create_agent("amy", start_node_id=1, team="red", strategy=strategy)
+    town.agent.create_agent("ben", start_node_id=1, team="blue", strategy=gamms.strategies.random_walk)
+    town.game.add(gamms.rules.resource("fuel", 14, per_edge="fare", teams=["red"]))
+    town.game.add(close_or_leave, phase="deeds")
+    town.game.add(tell_edges)
+    town.game.conflicts = gamms.rules.Conflicts(capacity=1)
+    town.game.add(tell_fuel)
+    told = ("events", "errors")
+    with town.game.batch(4) as games:
+        games.run(8)
+        found = [[getattr(games.result(i), name) for name in told] for i in range(4)]
+        assert [*games.detached] == [1]
+        assert games.context(1).game.turn == 8
+    for seed in range(4):
+        town.game.reset(seed=seed)
+        result = town.game.run(8)
+        assert found[seed] == [getattr(result, name) for name in told]
+    assert found[0][1]

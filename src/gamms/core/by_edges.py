@@ -274,7 +274,10 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     count = 0
     if games.alive[row]:
         w.blocked[row] = 0
-        if w.decides_by[i] == moves.IS_GIVEN and w.given[row] < 0:
+        if w.decides_by[i] == moves.IS_GIVEN and w.edges[row] >= 0:
+            w.trips.route[0] = w.paths.hops.roads.targets[w.edges[row]]
+            count = 1
+        elif w.decides_by[i] == moves.IS_GIVEN and w.given[row] < 0:
             count = w.routes.take(row, w.trips.route)  # type: ignore[union-attr] # there are some
         else:
             target = target_of(games, w, game, i)

@@ -182,7 +182,9 @@ def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     t.blocked[row] = 0
     target = -1
     can_go = True
-    if t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
+    if t.decides_by[i] == moves.IS_GIVEN and t.edges[row] != moves.NONE:
+        go_over(games, t, row, i)
+    elif t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
         go_along(t, row, own)
     else:
         target = target_of(games, t, game, i)
@@ -202,6 +204,24 @@ def go_along(t: MetreMovers, row: int, own: int) -> int:
     count = t.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
     if count >= 0:
         travel.go(t.roads, t.trips, own, t.routes.motions[row], count)  # type: ignore[union-attr]
+    return 0
+
+
+def go_over(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
+    """Move an agent to the end of the edge that its action names, out of its node; or on along its edge, or back."""
+    own = t.first + i
+    edge = t.edges[row]
+    on = t.trips.edge[own]
+    if edge < 0:
+        return 0
+    if on >= 0:
+        return travel.go(t.roads, t.trips, own, travel.FORWARD if edge == on else travel.BACK, 0)
+    node = games.node[row]
+    travel.begin(t.trips, own, node, edge, 0.0, travel.FORWARD, 0.0, t.speeds[i], t.most_edges)
+    travel.go(t.roads, t.trips, own, travel.FORWARD, 0)
+    if t.trips.edge[own] >= 0 and t.trips.share[own] == 0.0:  # it has not left its node
+        travel.begin(t.trips, own, node, -1, 0.0, travel.STOPPED, 0.0, t.speeds[i], t.most_edges)
+        travel.stand(t.roads, t.trips, own)
     return 0
 
 

@@ -10,6 +10,7 @@ ctypedef int i32
 ctypedef long long i64
 
 cdef u8 STAYS, WALKS, IS_GIVEN, STEPS, KINDS
+cdef i64 NONE, HALT
 
 
 @cython.final
@@ -32,7 +33,7 @@ cdef class OneEdgeMovers:
     cdef LegalMoves streets
     cdef const u8[::1] decides_by
     cdef draws.RandomChoices walks
-    cdef const i64[::1] given
+    cdef const i64[::1] given, edges
     cdef ChosenRoutes routes
     cdef strategies.Strategies by_steps
     cdef Contests contests

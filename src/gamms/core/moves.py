@@ -16,10 +16,14 @@ WALKS = 1  # move to a uniform random legal node,
 IS_GIVEN = 2  # take an action from outside, the number of a legal node,
 STEPS = 3  # or decide by the steps of a strategy, see `strategies`
 KINDS = 4
+NONE = -1  # values of `OneEdgeMovers.edges`: an action names no edge,
+HALT = -2  # or it lets the agent stop where it is
 # names for callers in Python, which do not see constants with a C type
 STAY = STAYS
 RANDOM_WALK = WALKS
 GIVEN = IS_GIVEN
+NO_EDGE = NONE
+STOP = HALT
 BY_STEPS = STEPS
 
 
@@ -80,6 +84,8 @@ class OneEdgeMovers:
         kind_ends: (KINDS,) the agents of a kind are `by_kind[kind_ends[kind - 1]:kind_ends[kind]]`.
         walks: draws for random walks; the numbers, below `counts`, are written to `ends`.
         given: (rows,) the actions given from outside; -1: the agent follows its route in `routes`.
+        edges: (rows,) the edges that these actions name; `NONE` or `HALT`: see there. Only agents that may move along
+            several edges look at them: for the others, `given` leads to the end of the edge.
         routes: routes; None: all agents move along one edge.
         by_steps: decides for agents with `STEPS`; None: there are none.
         contests, requests: resolve conflicts, if `has_conflicts`; the requests share `node` of the games, `ends` and
@@ -106,6 +112,7 @@ class OneEdgeMovers:
         contests: Contests | None,
         requests: MoveRequests | None,
         *,
+        edges: memoryview[int],
         ends: memoryview[int],
         went: memoryview[int],
         takes_part: memoryview[int],
@@ -134,6 +141,7 @@ class OneEdgeMovers:
         self.contests = contests
         self.requests = requests
         self.has_conflicts = contests is not None
+        self.edges = edges
         self.ends = ends
         self.went = went
         self.takes_part = takes_part

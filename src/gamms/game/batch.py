@@ -388,7 +388,9 @@ class Batch(Surface, Immutable, NotPickled):
             self._given_now = {}
 
     def _let_namers_leave(self, given: Mapping[Hashable, OutsideActions], turns: IntArray) -> None:
-        """Play games in which actions name edges in contexts of their own from now on, before any game plays."""
+        """Play games in which actions name edges at arrivals in contexts of their own from now on, before any plays."""
+        if self.game.settings()["decide"] != "arrival":
+            return
         names_edge = np.zeros(len(self), np.bool_)
         for one in given.values():
             names_edge |= one.find_namers()

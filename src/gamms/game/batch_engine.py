@@ -10,15 +10,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.block import AT_START, GameStarts
+from gamms.core.moves import NO_EDGE, STOP
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.core.turn import TurnDriver, TurnPlan, TurnsOfGames, begin_turns, play_step
 from gamms.deciding import DecidePhase
-from gamms.errors import GammsError
+from gamms.errors import GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.turn import ArrayTurn
-from gamms.game.array_functions.view import ArrayStrategy, ArrayView, LearnerWriter, NeedsEachGame, asked_view
+from gamms.game.array_functions.view import (
+    ArrayStrategy,
+    ArrayView,
+    LearnerWriter,
+    NeedsEachGame,
+    asked_view,
+    lead_along,
+)
 from gamms.game.block.columns import (
     AgentTable,
     BeginsAgain,
@@ -50,7 +59,7 @@ from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.lasting import DoingReader
 from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
-from gamms.game.movement.legality import IllegalAction
+from gamms.game.movement.legality import IllegalAction, explain_edge, refuse_any, refuse_edge
 from gamms.game.movement.roads import join_streets
 from gamms.game.order import left_out
 from gamms.game.result import Result, list_opponents
@@ -374,6 +383,8 @@ class GamesOnOneMap:
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
             for some in self._by_roads(asked) if len(agents) and len(asked) else ():
                 view = asked_view(self.state, some, agents, here)
+                if here is None:
+                    view._named = np.full(view.node.shape, NO_EDGE)
                 rows = np.ix_(some, agents)
                 if here is not None:
                     view.draw = view.draw.after(self._drawn[rows]).only(view.mask)
@@ -394,10 +405,49 @@ class GamesOnOneMap:
         """Return the actions of an array function; flying agents stay on the node below them."""
         name = getattr(group.form, "__name__", group.name) if view.flies else group.name
         given: Any = view._call(group.form, name)
-        if not view.flies:
-            return given  # type: ignore[no-any-return] # they are actions
-        self._fly(view, given)
-        return np.zeros_like(view.node)
+        if view.flies:
+            self._fly(view, given)
+            return np.zeros_like(view.node)
+        if view._named is not None and (view._named >= 0).any():
+            edges = self._refuse_edges(view, view._named)
+            self.core.edges.put(np.ix_(view.games, view.agents), edges, self.state.movement.columns)
+            given = lead_along(view, edges, given)
+        return given  # type: ignore[no-any-return] # they are actions
+
+    def _refuse_edges(self, view: ArrayView, edges: IntArray) -> IntArray:
+        """Return the edges that an array function has named, with `STOP` for agents that may not take theirs."""
+        is_wrong = (edges >= 0) & ~(view["legal_edges"] == edges[..., None]).any(axis=-1)
+        for at, i in np.argwhere(is_wrong).tolist():
+            error = self._explain_edge(view, (at, i), int(edges[at, i]))
+            self._refuse_action(view, (at, i), error)
+        return np.where(is_wrong, STOP, edges)
+
+    def _explain_edge(self, view: ArrayView, which: tuple[int, int], edge: int) -> GammsError:
+        """Return why an agent at an index of a view may not take an edge; see `Legality.resolve`."""
+        by = self.state.movement
+        columns = by.columns
+        agent = view.agents[which[1]]
+        if by.are_all_legal:
+            return refuse_any(edge, view["name"][which[1]])
+        row = kernels.rows_of(columns.edge_ids, np.array([edge]), columns.edge_order)
+        if not by.all_roads.are_open_rows(row, view.games[[which[0]]])[0]:
+            return UnknownName("edge", edge)
+        source, target = (int(columns.node_ids[ends[row[0]]]) for ends in (columns.sources, columns.targets))
+        here = int(columns.node_ids[view.node[which]])
+        on_edge = int(view["edge"][which][2])
+        mode = None if not by.mode_of[agent] else by.modes[by.mode_of[agent] - 1]
+        flaw = explain_edge((source, target, edge), here, None if on_edge < 0 else on_edge, mode)
+        legal = view["legal_edges"][which]
+        return refuse_edge(edge, flaw, legal[legal >= 0].tolist())
+
+    def _refuse_action(self, view: ArrayView, which: tuple[int, int], error: GammsError) -> None:
+        """Refuse the action of an agent at an index of a view: raise the error, or note it, by the settings."""
+        game = int(view.games[which[0]])
+        agent = int(view.agents[which[1]])
+        turn = int(self.state.turn[game])
+        if self._is_strict:
+            raise IllegalAction(f"Agent {self.state.roster.name(agent)} in turn {turn}: {error}") from error
+        self.state.refuse(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
 
     def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:
         """Set the given flights of agents in a part of the turn; agents without one hover."""
@@ -412,17 +462,11 @@ class GamesOnOneMap:
 
     def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
         """Set the displacements of the agents of a view, (games, agents, 3), limited by their speeds."""
-        state = self.state
         for at, i in np.argwhere(view.mask).tolist():
-            game = int(view.games[at])
-            agent = int(view.agents[i])
             try:
-                self._choose(game, agent, offsets[at, i].tolist())
+                self._choose(int(view.games[at]), int(view.agents[i]), offsets[at, i].tolist())
             except GammsError as error:
-                turn = int(state.turn[game])
-                if self._is_strict:
-                    raise IllegalAction(f"Agent {state.roster.name(agent)} in turn {turn}: {error}") from error
-                state.refuse(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+                self._refuse_action(view, (at, i), error)
 
     def _choose(self, game: int, agent: int, offset: Sequence[float]) -> None:
         """Choose the displacement of an agent, in map units, limited by its speed.
@@ -1073,6 +1117,7 @@ class BatchEngine(TurnDriver):
     def _begin_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Note which games play a turn, and which actions come from outside."""
         self._state.failures.clear()
+        self._block.edges.forget()
         for log in self._logs_of_turn:
             log.begin_turn()
         teams = tuple((team, wanted.name) for team, wanted in given.items())
@@ -1234,6 +1279,21 @@ class BatchEngine(TurnDriver):
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
+        if any(wanted.edges is not None for wanted in given.values()):
+            self._take_edges(playing, given, here)
+
+    def _take_edges(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
+        """Write given edges into the block, if they are legal, with the moves to their ends; see `_take` for `here`."""
+        for one, games in self._each(playing):
+            for team, wanted in given.items() if len(games) else ():
+                agents = self._now.agents.members[team]
+                view = asked_view(one.state, games, agents, here)
+                wanted.check_edges(view, f"team {shown(team)}")
+                edges = wanted.edges_in(view)
+                if edges is not None and (edges != NO_EDGE).any():
+                    rows = np.ix_(games, agents)
+                    one.core.edges.put(rows, edges, one.state.movement.columns)
+                    self._block.given[rows] = lead_along(view, edges, self._block.given[rows])
 
     def _take_moves_again(self, playing: BoolArray, part: int) -> None:
         """Check the given moves of a later part of the turn: rules may have closed roads, or moved agents."""

@@ -63,7 +63,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
         maps: several maps instead of that of the scenario; the seed of each game draws one; see `Scenario.batch`.
         moves: "nodes": as above; "edges": action k takes the k-th edge of `state["legal_edges"]`, from 1, and 0 is
-            action 0 of "nodes". Games in which agents take edges are played in contexts of their own, which is slower.
+            action 0 of "nodes".
 
     Raises:
         UnknownName (KeyError): the team does not exist.

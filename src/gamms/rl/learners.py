@@ -123,7 +123,7 @@ class Learners:
         maps: several maps instead of that of the scenario, or name -> map; see `Scenario.batch`. Observation and reward
             functions are called for the games of each map.
         moves: "nodes": action k goes to the k-th legal node; "edges": it takes the k-th of the legal edges, from 1, and
-            action 0 is that of "nodes". Games in which agents take edges are played in contexts of their own.
+            action 0 is that of "nodes".
 
     Attributes:
         games: the batch.

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_array, as_edges, as_mapping
+from gamms.core.moves import NO_EDGE, STOP
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.view import ArrayView, as_actions, as_flights
 from gamms.game.block.columns import AgentTable, PlayedGame
@@ -56,6 +57,15 @@ class OutsideActions(NamedTuple):
         if not self.may_stay:
             return moves
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
+
+    def edges_in(self, view: ArrayView) -> IntArray | None:
+        """Return the edges of the agents of a view; with `may_stay`, agents stop that name an illegal edge."""
+        if self.edges is None:
+            return None
+        edges = np.where(view.mask, self.edges[view.games], NO_EDGE)
+        is_legal = (view["legal_edges"] == edges[..., None]).any(axis=-1)
+        found: IntArray = np.where((edges >= 0) & ~is_legal, STOP, edges)
+        return found
 
     def find_namers(self) -> BoolArray:
         """Return in which games an action names an edge, (games,)."""

@@ -6,8 +6,10 @@ from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_array, as_count, as_edges, as_key, as_numbers_of
 from gamms.core import observe, sight
+from gamms.core.moves import NO_EDGE
 from gamms.core.turn import LearnerStep, TurnsOfGames
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.array_functions.aims import Aims
@@ -246,8 +248,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     def take_edges(self, edges: object) -> None:
         """Make agents take edges, whatever moves the strategy returns for them.
 
-        Batches call a strategy that calls this game by game, and a game in which an agent takes an edge leaves its
-        batch.
+        Where agents decide at arrivals, batches call a strategy that calls this game by game.
 
         Args:
             edges: the ids of edges, (games, agents), of those in `view["legal_edges"]`; -1: the agent moves as the
@@ -706,6 +707,20 @@ def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolA
         view._channels = state.radio.channels
     view._lock()
     return view
+
+
+def lead_along(view: ArrayView, edges: IntArray, actions: IntArray) -> IntArray:
+    """Return actions with those that lead to the ends of legal edges, by their ids, or `NO_EDGE` or `STOP`.
+
+    Agents with speeds find the ends of edges themselves; see `moves.OneEdgeMovers`.
+    """
+    if view._movement.depends_on_speeds:
+        return np.where(edges == NO_EDGE, actions, 0)
+    columns = view._movement.columns
+    rows = kernels.rows_of(columns.edge_ids, edges, columns.edge_order)
+    ends = np.where(edges >= 0, columns.targets[rows], view.node)
+    numbers = view._movement.action_to(view.node, numbers_in(view, np.s_[:, :]), ends)
+    return np.where(edges == NO_EDGE, actions, np.maximum(numbers, 0))
 
 
 def movement_in(view: ArrayView) -> Movement:

@@ -41,7 +41,7 @@ from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.agents import Position
 from gamms.ir.columns import Failure
 from gamms.ir.game_state import joined_end
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -402,6 +402,47 @@ class BatchRules(RuleBuilder):
         return found
 
 
+class NamedEdges:
+    """The edges that given actions name in the last turn.
+
+    Args:
+        shape: the numbers of games and agents.
+
+    Attributes:
+        rows: (games, agents) the rows of the edges; see `moves.OneEdgeMovers`.
+        are_any: (1,) whether there are any; else all rows are `moves.NO_EDGE`.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.rows = np.full(shape, moves.NO_EDGE)
+        self.are_any = np.zeros(1, np.bool_)
+
+    def put(self, where: tuple[Any, ...], edges: IntArray, columns: GraphColumns) -> None:
+        """Set edges, by their ids, or `NO_EDGE` or `STOP`.
+
+        Args:
+            where: an index of games and agents.
+            edges: the edges.
+            columns: the map of the games.
+        """
+        rows = kernels.rows_of(columns.edge_ids, edges, columns.edge_order)
+        self.rows[where] = np.where(edges >= 0, rows, edges)
+        self.are_any[0] = True
+
+    def forget(self) -> None:
+        """Forget all edges."""
+        if self.are_any[0]:
+            self.rows.fill(moves.NO_EDGE)
+            self.are_any[0] = False
+
+    def find(self, game: int, agents: IntArray, columns: GraphColumns) -> IntArray:
+        """Return the ids of the edges that agents of a game have named, -1 for none; agent -1 is none."""
+        if not self.are_any[0]:
+            return np.full(len(agents), moves.NO_EDGE)
+        rows = np.where(agents >= 0, self.rows[game, agents], moves.NO_EDGE)
+        return np.where(rows >= 0, columns.edge_ids[rows], moves.NO_EDGE)
+
+
 class CoreColumns:
     """The columns that the core writes for the games on all maps, with a row for each game.
 
@@ -412,6 +453,7 @@ class CoreColumns:
     Attributes:
         map_of: (games,) the number of the map that each game is on; it may change.
         given: (games, agents) the given actions, as numbers of legal nodes; -1: the agent follows a route.
+        edges: the edges that given actions name.
         start, went, takes_part: (games, agents) the nodes before and after the moves, and whether the agent took part.
         ends: (games, agents) the end nodes of the moves in the current part of a turn.
         wanted: (games, agents) the places that agents stopped by conflicts wanted to reach, as numbered in conflicts.
@@ -433,6 +475,7 @@ class CoreColumns:
         self.map_of = map_of
         shape = state.node.shape
         self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
+        self.edges = NamedEdges(shape)
         self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
         self.until = np.zeros(shape[0], np.int64)
         self.part = np.zeros(shape[0], np.int64)
@@ -763,6 +806,7 @@ class CoreGames:
         has_functions: whether functions are called between its phases.
         part_of: (agents,) the part of the turn in which each agent decides and moves, in the order of play.
         num_parts: the number of parts of a turn.
+        edges: the edges that given actions name.
         deciders: the columns of the games, and the agents that decide in them.
         arrival: the number of arrivals in this part of the turn, if functions are called on arrival; else None.
     """
@@ -785,6 +829,7 @@ class CoreGames:
         self.past = PastPlaces.of(past_turns, state)
         self._state = state
         self._block = block
+        self.edges = block.edges
         called = [] if decides else called_rules(game, state.roster)
         self._rules = [one for one in called if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
@@ -965,10 +1010,11 @@ class CoreGames:
 
     @property
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
-        """The columns of the last moves, the numbers of played parts, and the places that agents wanted to reach."""
+        """The columns of the last moves and parts, the places that agents wanted to reach, and the named edges."""
         block = self._block
         courses = () if self.courses is None else self.courses.columns()
-        return block.start, block.went, block.takes_part, block.part, block.wanted, *courses
+        edges = self.edges.rows, self.edges.are_any
+        return block.start, block.went, block.takes_part, block.part, block.wanted, *edges, *courses
 
     @property
     def courses(self) -> Courses | None:
@@ -1136,6 +1182,7 @@ class CoreGames:
             **({} if columns is None else columns.on_edges),
         )
         shared = {
+            "edges": memory_of(block.edges.rows),
             "ends": memory_of(block.ends),
             "went": memory_of(block.went),
             "takes_part": memory_of(block.takes_part),

@@ -502,6 +502,9 @@ class Cursor:
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the routes that agents of the current game have chosen."""
         for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and action.edge is not None:
+                continue
             if not routes.choose(self._pointed.number, self._shown.number_of[name], decisions, i):
                 self._shown.go_alone("chooses a route with an edge that it repeats")
 
@@ -517,7 +520,7 @@ class Cursor:
         named = dict(asked.members)
         for i, action in decisions.actions.items():
             if action.edge is not None:
-                self._shown.go_alone("chooses an edge by its id")
+                self._name_edge(self._shown.number_of[named[i]], action.edge)
             if action.heading != ():
                 self._state.turning.append((self._pointed.number, self._shown.number_of[named[i]], action.heading))
         decide = set(named.values())
@@ -532,6 +535,12 @@ class Cursor:
         for i, kind, message in decisions.failures:
             failure = Failure(self._pointed.number, self._shown.number_of[named[i]], kind, message)
             self._state.failures.append((failure, turn))
+
+    def _name_edge(self, agent: int, edge: int) -> None:
+        """Let an agent of the current game take an edge."""
+        if self._core.arrival is not None:
+            self._shown.go_alone("chooses an edge by its id on arrival")
+        self._core.edges.put((self._pointed.number, agent), np.array(edge), self._state.movement.columns)
 
     def _take_deeds(self, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the deeds of agents of the current game."""

@@ -352,6 +352,7 @@ class ShownGame(GamesInContext):
         parts.turns.phase.read_last_turn()  # before other agents decide
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
+        self._copy_named_edges(state, earlier if is_within else self.read("moves"), is_within=is_within)
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
         if is_within:
@@ -383,6 +384,18 @@ class ShownGame(GamesInContext):
             self._state.deed_log.copy_part(number, state.deed_log)
         if self._state.radio is not None:
             self._state.radio.copy_admitted(number, messages)
+
+    def _copy_named_edges(self, state: GameState, moves: TurnMoves | None, *, is_within: bool) -> None:
+        """Let a fork know the edges that agents have named in its last moves.
+
+        Args:
+            state: the state of the fork.
+            moves: the moves; None: there are none.
+            is_within: whether they belong to the turn that the fork goes on with.
+        """
+        named = {} if moves is None else moves.find_named_edges()
+        if named:
+            state.named_edges = {name: (state.turn + is_within, edge) for name, edge in named.items()}
 
     def _show_decisions(self, begun: BegunPhase) -> TurnMoves | None:
         """Show what agents have decided in this turn besides their moves.
@@ -790,6 +803,7 @@ class ShownGame(GamesInContext):
         first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._flights_of(acting, first)
+        actions |= self._along_named(acting, ids(ends).tolist(), first)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
@@ -803,6 +817,14 @@ class ShownGame(GamesInContext):
             position, quat = flights.wanted_of(int(numbers[place]), self._pointed.number)
             found[place] = ResolvedAction(node, (node,), position=position, quat=quat)
         return found
+
+    def _along_named(self, numbers: IntArray, ends: Sequence[int], starts: Sequence[int]) -> dict[int, ResolvedAction]:
+        """Return the moves along edges that actions have named, by the places of the agents among these numbers."""
+        edges = self._core.edges.find(self._pointed.number, numbers, self._state.movement.columns)
+        return {
+            place: ResolvedAction(ends[place], (starts[place], ends[place]), edge=int(edges[place]))
+            for place in np.flatnonzero(edges >= 0).tolist()
+        }
 
     # -- what functions change -----------------------------------------------------------------------------------------
 

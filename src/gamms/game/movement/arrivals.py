@@ -136,6 +136,7 @@ class ArrivingAgents:
         nothing: list[Any] = [unknown, _NO_BYTES, *[None] * 4]  # functions decide, and find paths and conflicts
         self._movers = by_metres.MetreMovers(
             *(ways, ways, unknown, self._events, self.chosen.core, *nothing),
+            edges=_NO_INTS,
             slots=0,
             nodes=len(roads.ids),
             most_edges=1,

@@ -119,6 +119,42 @@ class IllegalAction(GammsError, ValueError):
         )
 
 
+def refuse_any(edge: int, name: str) -> BadValue:
+    """Return the error for an action that names an edge in a game in which agents may move to any node."""
+    return BadValue(
+        f"An action names an edge, {edge}, in a game in which agents may move to any node: legal='any'. Agent "
+        f"{shown(name)} names the node: {{'node_id': …}}."
+    )
+
+
+def refuse_edge(edge: int, flaw: str, legal: Sequence[int]) -> BadValue:
+    """Return the error for an action that names an edge which is not legal.
+
+    Args:
+        edge: its id.
+        flaw: why it is not legal.
+        legal: the ids of the legal edges.
+    """
+    return BadValue(f"Edge {edge} is not legal: {flaw}; state['legal_edges'] are {[*legal]}.")
+
+
+def explain_edge(edge: tuple[int, int, int], here: int, on_edge: int | None, mode: str | None) -> str:
+    """Return why an agent may not take an edge, given by the ids of its ends and its own.
+
+    Args:
+        edge: the edge.
+        here: the node of the agent.
+        on_edge: the edge that it is on; None: it is on its node.
+        mode: its mode.
+    """
+    source, target, _ = edge
+    if on_edge is not None:
+        return f"the agent is on edge {on_edge}"
+    if source != here:
+        return f"it begins on node {source}, and the agent is on node {here}"
+    return f"it leads from node {here} to itself" if target == here else f"mode {mode!r} may not use it"
+
+
 class Legality:
     """Checks the actions of agents, and finds the moves that they lead to.
 
@@ -217,10 +253,7 @@ class Legality:
     def _take_edge(self, mover: AgentSlot, here: int, edge: int) -> ResolvedAction:
         """Return the move along an edge that an action has named."""
         if self._settings.legal == "any":
-            raise BadValue(
-                f"An action names an edge, {edge}, in a game in which agents may move to any node: legal='any'. Agent "
-                f"{shown(mover.name)} names the node: {{'node_id': …}}."
-            )
+            raise refuse_any(edge, mover.name)
         self._keep_driven(mover)
         roads = self.travel.roads
         row = roads.on(edge)
@@ -228,8 +261,7 @@ class Legality:
             raise UnknownName("edge", edge)
         legal = self.list_edges(mover, here)
         if edge not in legal:
-            flaw = self._why_not_taken(mover, here, roads.edge_ids[row])
-            raise BadValue(f"Edge {edge} is not legal: {flaw}; state['legal_edges'] are {list(legal)}.")
+            raise refuse_edge(edge, self._why_not_taken(mover, here, roads.edge_ids[row]), legal)
         if mover.travels:
             self.travel.over(self.travel.place(mover.row), here, mover.speed, edge)
             return ResolvedAction(self.travel.end(), (here,), edge=edge)
@@ -238,16 +270,10 @@ class Legality:
     def _why_not_taken(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
         """Return why an agent may not take an edge, given by the ids of its ends and its own."""
         place = self.travel.place(mover.row) if mover.travels else None
-        if place is not None:
-            return f"the agent is on edge {place.edge}"
-        source, target, _ = edge
-        if source != here:
-            return f"it begins on node {source}, and the agent is on node {here}"
-        if target == here:
-            return f"it leads from node {here} to itself"
-        if edge[2] in self.travel.roads.list_edges(here):
+        is_usable = edge[1] != here and edge[2] in self.travel.roads.list_edges(here)
+        if place is None and is_usable:
             return self._why_forbidden(mover, here)
-        return f"mode {self._mode!r} may not use it"
+        return explain_edge(edge, here, None if place is None else place.edge, self._mode)
 
     def list_edges(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
         """Return the ids of the edges that the action of an agent may name."""
