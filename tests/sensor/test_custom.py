@@ -7,6 +7,9 @@ import pytest
 
 import gamms
 from gamms.sensor import MapSensor, SensorType
+from gamms.sensor.air import AerialAgentSensor
+from gamms.sensor.catalog import derived
+from gamms.sensor.ground import AgentSensor, NeighborSensor
 from gamms.typing import ISensor
 
 
@@ -142,3 +145,64 @@ def test_kinds_live_longer_than_the_context_that_made_them(ctx):
     ctx.sensor.custom("SURVIVOR")
     ctx.terminate()
     assert SensorType.SURVIVOR.name == "SURVIVOR"
+
+
+class TestDerived:
+    """A class made by `derived` reads the data of the nearest kind, and the place of the look if it asks for it."""
+
+    @pytest.fixture
+    def ctx(self):
+        with gamms.create_context(seed=1) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+            yield ctx
+
+    def test_a_reader_of_data_alone_gets_no_place(self, ctx):
+        sensor = derived(NeighborSensor, len)(ctx, "degree")
+        sensor.sense(4)
+        assert sensor.data == 5
+
+    def test_a_reader_with_another_second_parameter_keeps_its_default(self, ctx):
+        sensor = derived(NeighborSensor, lambda near, least=7: (len(near), least))(ctx, "degree")
+        sensor.sense(4)
+        assert sensor.data == (5, 7)
+
+    def test_a_reader_with_a_place_gets_the_node_of_the_look(self, ctx):
+        sensor = derived(NeighborSensor, lambda near, place: (place, near))(ctx, "around")
+        assert sensor.data == (None, [])
+        sensor.sense(8)
+        assert (sensor.data[0], sorted(sensor.data[1])) == (8, [5, 7, 8])
+
+    def test_agents_and_their_distances_are_read_in_one_turn(self, ctx):
+        def nearest(seen, place):
+            return min(seen, key=lambda name: abs(seen[name] - place))
+
+        ctx.sensor.add_sensor(derived(AgentSensor, nearest)(ctx, "nearest", SensorType.AGENT_RANGE, 100.0))
+        seen = []
+
+        def note(state):
+            seen.append(state["sensor"]["nearest"][1])
+
+        ctx.agent.create_agent("anna", start_node_id=0, sensors=["nearest"], strategy=note)
+        ctx.agent.create_agent("ben", start_node_id=4)
+        ctx.agent.create_agent("cleo", start_node_id=3)
+        ctx.game.run(1)
+        assert seen == ["cleo"]
+        assert ctx.agent.get_agent("anna").get_state()["sensor"]["nearest"][1] == "cleo"
+
+    def test_what_an_agent_would_read_now_is_read_from_there(self, ctx):
+        sensor = derived(NeighborSensor, lambda near, place: (place, len(near)))(ctx, "degree")
+        sensor.sense(0)
+        assert sensor.data_from(4, None) == (4, 5)
+        assert sensor.data == (0, 3)
+
+    def test_a_look_from_an_edge_has_the_position(self, ctx):
+        sensor = derived(AgentSensor, lambda _, place: place)(ctx, "here", SensorType.AGENT_RANGE, 100.0)
+        sensor.sense((2.5, 0.0))
+        assert sensor.data == (2.5, 0.0)
+
+    def test_a_look_from_the_air_has_the_position_in_the_air(self, ctx):
+        sensor = derived(AerialAgentSensor, lambda _, place: place)(ctx, "here", 100.0)
+        assert sensor.data is None
+        sensor.at = (1.0, 2.0, 3.0)
+        sensor.sense()
+        assert sensor.data == (1.0, 2.0, 3.0)

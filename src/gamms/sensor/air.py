@@ -114,6 +114,10 @@ class FlyingSensor(Sensor):
         self._refuse_ground_agent(owner)
         return super().view_from(node_id, owner)
 
+    def _place_of_look(self) -> Axis | None:
+        pose: Pose | None = self._last[1]
+        return None if pose is None else cast("Axis", tuple(pose.position.tolist()))
+
     def _refuse_ground_agent(self, owner: str | None) -> None:
         if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL and self._at is None:
             raise BadValue(

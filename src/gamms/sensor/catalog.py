@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from math import inf, pi
 from typing import Any, NamedTuple, Unpack
 
-from gamms.arguments import with_options
+from gamms.arguments import signature_of, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.plain import is_same, plain_subset
 from gamms.sensor.air import (
@@ -124,25 +124,38 @@ _CONE = {"sensor_range": 100.0, "fov": pi / 3.0, "quat": DOWN}
 _SPHERE = {"sensor_range": 100.0, "fov": 2.0 * pi, "quat": AHEAD}
 
 
-def derived(nearest: type[Sensor], read: Callable[[Any], Any]) -> type[Sensor]:
+def derived(nearest: type[Sensor], read: Callable[..., Any]) -> type[Sensor]:
     """Return a class of sensors whose `data` is a function of the data of a sensor of the nearest kind.
 
     The sensors have the settings of that kind and are drawn like it.
 
     Args:
         nearest: the class of that kind.
-        read: called with the `data` of the nearest kind, which it must not change.
+        read: called with the `data` of the nearest kind, which it must not change; one with a parameter `place` also
+            gets the place of the look: the id of a node, (x, y) on an edge, (x, y, z) in the air, None before a look.
     """
     data: property = vars(Sensor)["data"]
+
+    def read_at_place(sensor: Any) -> Any:
+        return read(sensor._view_data(), place=sensor._place_of_look())
+
+    read_data = read_at_place if _takes_place(read) else lambda sensor: read(sensor._view_data())
     members: dict[str, Any] = {
         "__slots__": (),
-        "data": property(lambda sensor: read(sensor._view_data()), data.fset, doc=read.__doc__),
+        "data": property(read_data, data.fset, doc=read.__doc__),
         "_view_data": data.fget,
         "looks_alike": None,
         "in_arrays": lambda _: None,
         **{name: vars(ISensor)[name] for name in ("coverage", "live_result", "sense_many")},
     }
     return type(f"{nearest.__name__}Reading", (nearest,), members)
+
+
+def _takes_place(read: Callable[..., Any]) -> bool:
+    try:
+        return "place" in signature_of(read).parameters
+    except (TypeError, ValueError):  # some builtins have no signature
+        return False
 
 
 def _unlimited(make: Callable[..., Sensor]) -> Callable[..., Sensor]:

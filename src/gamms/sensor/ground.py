@@ -295,7 +295,9 @@ class NeighborSensor(Sensor):
         try:
             self._last[0] = [*near[node_id]]
         except TypeError:  # not hashable, or no id
-            self._last[0] = [*near[as_node_id(node_id, "The id of a node", self.ctx.graph)]]
+            node_id = as_node_id(node_id, "The id of a node", self.ctx.graph)
+            self._last[0] = [*near[node_id]]
+        self._last[1] = (node_id,)
 
     @of_data
     def last_view(self) -> SensorView:

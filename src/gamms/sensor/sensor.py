@@ -134,6 +134,10 @@ class Sensor(ContextPart, ISensor):
         """Return the data to draw: `data`, or the data of the underlying kind; see `catalog.derived`."""
         return self.data
 
+    def _place_of_look(self) -> Any:
+        """Return the place of the last look: the id of a node, (x, y) or (x, y, z); None before a look."""
+        return self._last[1] and self._last[1][0]
+
     @refused_while_deciding
     def update(self, data: dict[str, Any]) -> None:
         """Ignore `data`: a built-in sensor collects its own data."""
@@ -166,7 +170,7 @@ class Sensor(ContextPart, ISensor):
         twin = self._copy_for_view()
         twin._owner = owner
         twin.sense(place)
-        return self._phase.shown(twin._last[0]) if self._is_ours else twin.data
+        return self._phase.shown(twin._last[0]) if type(self).data is Sensor.data else twin.data
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
