@@ -59,7 +59,7 @@ _ADDRESS = re.search(
 if _ADDRESS:  # pages have a link to edit them
     html_theme_options = {"source_repository": _ADDRESS[1], "source_branch": "main", "source_directory": "docs/"}
 
-_FOR_CONTRIBUTORS = re.compile(r"decisions/|architecture$|releasing$")
+_FOR_CONTRIBUTORS = re.compile(r"decisions/|architecture$|contributing$|page-format$|releasing$")
 _UNLISTED = "---\norphan: true\nnosearch: true\n---\n\n"
 _KEYWORDS = '---\nmyst:\n  html_meta:\n    keywords: "{words}"\n---\n\n'  # under which the search finds the page
 _STILL = re.compile(r"^!\[([^\]]*)\]\((figures/gallery/(\w+)\.png)\)$", re.MULTILINE)  # of a game of the gallery

@@ -25,7 +25,7 @@ INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which
 
 _AFTER = re.compile(r"^<!-- after: (\S+) -->$", re.MULTILINE)
 _ROW = re.compile(r"^\| \[[^\]<]*\]\(([^)#\s]+\.md)\)", re.MULTILINE)  # not one that begins with a picture
-_LIST = re.compile(r"^\* \*\*([^*]+):\*\* (.+)$", re.MULTILINE)
+_LIST = re.compile(r"^\* \*\*([^*]+):\*\* (.+(?:\n  .+)*)$", re.MULTILINE)
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`[^`\n]*`")  # within a line
 _HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)

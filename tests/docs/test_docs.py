@@ -45,7 +45,7 @@ WORDS_TYPED = {
     "radio": "messages.md",
     "real time": "travel.md",
     "seeds": "concepts.md",
-    "snapshot": "game.md",
+    "snapshot": "snapshots.md",
 }
 IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
 

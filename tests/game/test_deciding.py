@@ -363,7 +363,7 @@ PARTS = {
     "Graph": {"routes"},
     "Game": {"conflicts"},
     "Agent": {"state"},
-}  # see docs/game.md
+}  # see docs/deciding.md
 
 
 def members(thing):

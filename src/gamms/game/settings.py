@@ -102,7 +102,7 @@ class Settings(ContextPart):
         order: None: all agents decide and move simultaneously. Or lists of teams, for example `[["cops"], ["robber"]]`:
             in each turn, the teams of the first list decide and move simultaneously, then those of the next list, which
             see these moves.
-        deeds: actions besides moving: deed -> field -> its kind; see docs/game.md.
+        deeds: actions besides moving: deed -> field -> its kind; see docs/deeds.md.
         channels: channels for messages: name -> keywords; see `add_channel`.
         information: "private": copies of the game for looking ahead contain the knowledge of their agents, see
             docs/planning.md; "full": agents may get complete copies.
