@@ -497,14 +497,66 @@ def test_the_only_learner_takes_the_edges_of_its_actions(ferries, tmp_path):
         assert observation["action_mask"].tolist() == [1, 1, 1, 0]
 
 
-def test_environments_of_edges_begin_games_again_and_have_no_policies_yet(ferries, tmp_path):
+def test_environments_of_edges_begin_games_again(ferries):
     options = {"reward": lambda turn: turn.after.mask * 1.0, "moves": "edges"}
     with closing(rl.vector_env(ferries, num_games=2, team="red", **options)) as env:
         env.reset(seed=1)
         for _ in range(6):
             _, rewards, *_ = env.step(np.array([1, 2, 2, 1]))
             assert rewards.tolist() == [1.0] * 4
-        with pytest.raises(BadValue, match="moves='edges'"):
-            rl.save_policy(lambda *_: None, tmp_path / "policy.onnx", env)
     with pytest.raises(BadValue, match="moves"):
         rl.parallel_env(ferries, moves="roads")
+
+
+def choose_randomly(entries, actions, seed=1):
+    """Return the layers of a network with random weights."""
+    return [(np.random.default_rng(seed).normal(size=(actions, entries)), np.zeros(actions))]
+
+
+def test_a_saved_policy_takes_the_edges_that_its_network_prefers(ferries, tmp_path):
+    options = {"reward": lambda turn: turn.after.mask * 1.0, "moves": "edges"}
+    with Learners(ferries, 3, teams="red", seed=7, **options) as learners:
+        learners.begin_all()
+        entries = learners.observe().shape[-1]
+        layers = choose_randomly(entries, learners.num_actions)
+        rl.save_policy(layers, tmp_path / "red.safetensors", learners)
+        while not learners.is_over.all():
+            preferred = np.where(learners.masks, learners.observe() @ layers[0][0].T, -np.inf).argmax(axis=-1)
+            learners.step(preferred)
+        wanted = [edges_taken(learners.games, number, tmp_path) for number in range(3)]
+    assert len({edge for edges in wanted for *_, edge in edges}) > 1
+    rl.save_policy(layers, tmp_path / "same.safetensors", ferries, team="red", moves="edges")
+    assert (tmp_path / "same.safetensors").read_bytes() == (tmp_path / "red.safetensors").read_bytes()
+    red = rl.policy(tmp_path / "red.safetensors")
+    for sample in (False, True):
+        red = rl.policy(tmp_path / "red.safetensors", sample=sample)
+        with ferries.batch(3, seed=7, strategies={"red": red}, record=True) as games:
+            games.run()
+            assert "contexts of their own" not in str(games)
+            found = [edges_taken(games, number, tmp_path) for number in range(3)]
+        alone = []
+        for number in range(3):
+            ferries.play(seed=7 + number, strategies={"red": red}, record=tmp_path / "alone.ggr")
+            with recorder.open(tmp_path / "alone.ggr") as recording:
+                table = recording.table("edges")
+            alone.append([*zip(*(table[name].tolist() for name in ("turn", "agent", "edge")), strict=True)])
+        assert found == alone
+        assert (found == wanted) != sample
+
+
+def test_a_policy_by_edges_plays_on_maps_with_fewer_edges_from_a_node_and_refuses_others(ferries, tmp_path):
+    few = {"grid": {"rows": 1, "columns": 5}}
+    many = {"grid": {"rows": 5, "columns": 5}}
+    teams = {"red": {"count": 2}, "blue": {"count": 1}}
+    row = Scenario(map=few, teams=teams, max_turns=5)
+    options = {"team": "red", "moves": "edges", "reward": lambda turn: turn.after.mask * 1.0}
+    with closing(rl.vector_env(row, num_games=2, maps=[few, {"grid": {"rows": 1, "columns": 9}}], **options)) as env:
+        entries = env.single_observation_space["observation"].shape[0]
+        rl.save_policy(choose_randomly(entries, 3), tmp_path / "red.safetensors", env)
+    red = rl.policy(tmp_path / "red.safetensors", sample=True)
+    third = row.replace(map={"grid": {"rows": 1, "columns": 3}})
+    assert third.play(seed=1, strategies={"red": red}).turns == 5
+    with pytest.raises(BadValue, match="at most 2 edges from a node, and here are 4"):
+        row.replace(map=many).play(seed=1, strategies={"red": red})
+    with pytest.raises(BadValue, match="moves= are for a scenario"):
+        rl.save_policy([], tmp_path / "red.safetensors", env, moves="edges")

@@ -131,6 +131,7 @@ class Learners:
         teams: the learning teams.
         names: the names of the agents, team by team, sorted within a team.
         num_actions: the largest number of actions; action 0 stays.
+        num_legal: the largest number of legal nodes, for which the default observation has entries.
         by_edges: whether actions are numbers of legal edges.
         deeds: the deed choices of agents; None: the scenario declares no deeds.
         flies: (agents,) whether agents fly.
@@ -228,7 +229,8 @@ class Learners:
         self.drawn = self._begin_drawn()
         self._name_others()
         self._specs = [self._views(number)[0].map_spec for number in range(self.games.num_maps)]
-        self.num_actions = self._most_actions()
+        self.num_legal = self._most_legal()
+        self.num_actions = max(map(count_edge_actions, self._first_views())) if self.by_edges else self.num_legal
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds, by_edges=self.by_edges)
@@ -299,13 +301,17 @@ class Learners:
             raise BadValue("Deeds of learners are for games on one map: leave maps= out, or declare no deeds.")
         return choices_of(view, fields)
 
-    def _most_actions(self) -> int:
-        """Return the largest number of actions on any map, and give observations on all maps this size."""
-        views = [self._views(number)[0] for number in range(self.games.num_maps)]
+    def _first_views(self) -> list[ArrayView]:
+        """Return a view of the games on each map."""
+        return [self._views(number)[0] for number in range(self.games.num_maps)]
+
+    def _most_legal(self) -> int:
+        """Return the largest number of legal nodes on any map, and give observations on all maps this size."""
+        views = self._first_views()
         most = max(map(width_in, views))
         for view in views:
             set_width(view, most)
-        return max(map(count_edge_actions, views)) if self.by_edges else most
+        return most
 
     def close(self) -> None:
         """Close the games."""
@@ -529,7 +535,7 @@ class Learners:
         self._refuse_learners(given)
         change_strategies(self.games, self._add_scripted(given))
         for number in list_newest_sources(self.games):
-            set_width(self._views(number)[0], self.num_actions)
+            set_width(self._views(number)[0], self.num_legal)
         self._newest += 1
         self._sets[self._newest] = given
         self._sets = {number: self._sets[number] for number in {*self._set_of.tolist(), self._newest}}

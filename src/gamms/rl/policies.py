@@ -27,7 +27,9 @@ from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import (
     Float32Array,
     Learners,
+    Moves,
     Observation,
+    count_edge_actions,
     default_observation,
     straight_observation,
     within_reach,
@@ -74,7 +76,9 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             which is the default observation without distances by road.
         deeds: the number of deed choices; 0: no deeds are declared.
         flies: whether it is for flying agents, whose actions are three numbers: see `heads`.
-        legal: for flying agents, the number of legal nodes that the default observation has entries for; else 0.
+        legal: for flying agents, and where actions take edges, the number of legal nodes that the default observation
+            has entries for; else 0.
+        edges: True: actions take edges, by the numbers of legal edges, from 1. Other files do not have it.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
@@ -83,6 +87,7 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     deeds: Annotated[int, msgspec.Meta(ge=0, le=1 << 16)] = 0
     flies: bool = False
     legal: Annotated[int, msgspec.Meta(ge=0, le=1 << 24)] = 0
+    edges: bool | msgspec.UnsetType = msgspec.UNSET
 
     @property
     def numbers(self) -> int:
@@ -93,7 +98,7 @@ class PolicySpaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def digest(self) -> str:
         """The SHA-256, in hexadecimal."""
         named = msgspec.structs.asdict(self)
-        for name in [name for name in ("deeds", "flies", "legal") if not named[name]]:
+        for name in [name for name in ("deeds", "flies", "legal", "edges") if named[name] in (0, msgspec.UNSET)]:
             del named[name]
         return hashlib.sha256(msgspec.json.encode(named)).hexdigest()
 
@@ -165,7 +170,7 @@ class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
     version: Annotated[int, msgspec.Meta(ge=1, le=1)] = 1
 
 
-def save_policy(
+def save_policy(  # noqa: PLR0913 - those of the environments
     model: Any,
     path: object,
     env: object,
@@ -175,6 +180,7 @@ def save_policy(
     observation: Observation | None = None,
     shared: int | None = None,
     maps: Sequence[Any] | Mapping[str, Any] | None = None,
+    moves: Moves | None = None,
 ) -> None:
     """Write a trained policy into a file, with the hashes of its scenario and spaces.
 
@@ -183,7 +189,7 @@ def save_policy(
             number for each action, or its layers as a list of pairs of arrays, weight (out, in) and bias (out,), and
             names of functions such as "tanh"; for a file `.onnx`, the path of an ONNX model that takes `observation`.
         path: the file, which is replaced.
-        env: the environment of the training; or a scenario, with `team`, `agent`, `observation` and `maps`.
+        env: the environment of the training; or a scenario, with `team`, `agent`, `observation`, `maps` and `moves`.
         team: the team that was trained; None: all.
         agent: the only agent that was trained.
         observation: see `parallel_env`.
@@ -191,6 +197,7 @@ def save_policy(
             of an observation that all actions share, which the entries of the action follow. None: the network returns
             numbers for all actions.
         maps: the maps of the training, if they were several; see `Scenario.batch`.
+        moves: see `parallel_env`; None: "nodes".
 
     Raises:
         BadType: the model has other layers, or the environment is not one of gamms.rl.
@@ -201,10 +208,13 @@ def save_policy(
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):
-        with Learners(env, teams=team, agent=agent, observation=observation, reward=_no_reward, maps=maps) as learners:
+        options: dict[str, Any] = {"observation": observation, "maps": maps, "moves": moves or "nodes"}
+        with Learners(env, teams=team, agent=agent, reward=_no_reward, **options) as learners:
             found = _describe(learners)
-    elif any(one is not None for one in (team, agent, observation, maps)):
-        raise BadValue("team=, agent=, observation= and maps= are for a scenario: an environment knows its own.")
+    elif any(one is not None for one in (team, agent, observation, maps, moves)):
+        raise BadValue(
+            "team=, agent=, observation=, maps= and moves= are for a scenario: an environment knows its own."
+        )
     else:
         found = _describe(_learners_of(env))
     if file.suffix == ".onnx":
@@ -392,8 +402,14 @@ def _array_form(player: _PolicyOptions) -> Any:
     def play_policy(view: ArrayView) -> IntArray | FloatArray:
         if described is not None and not player.other_scenario:
             _refuse_other_equipment(loaded.file, described, view)
+        by_edges = described is not None and described.spaces.edges is True
         legal = width_in(view)
         view = widen(view, _width_on(loaded, legal, flies=view.flies))
+        num_actions = view.num_actions
+        if by_edges:
+            legal = count_edge_actions(view)
+            num_actions = _most_edges(loaded, legal)
+        counts = 1 + (view["legal_edges"] >= 0).sum(axis=-1) if by_edges else view.counts
         if view.flies:
             return _flight(player, observe, view)
         choices = choices_of(view, view["deeds"])
@@ -404,8 +420,8 @@ def _array_form(player: _PolicyOptions) -> Any:
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
-            fitting = _fit(loaded, legal, view.num_actions, deeds, values.shape[2:])
-            masks = [np.arange(fitting.actions) < np.where(view.mask, view.counts, 1)[..., None]]
+            fitting = _fit(loaded, legal, num_actions, deeds, values.shape[2:])
+            masks = [np.arange(fitting.actions) < np.where(view.mask, counts, 1)[..., None]]
             masks += [] if choices is None else [choices.masks(view)]
             shape = masks[0].shape[0], len(columns)
             mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
@@ -416,12 +432,20 @@ def _array_form(player: _PolicyOptions) -> Any:
                 actions[head][:, columns] = _choose_actions(part, drawn).reshape(shape)
         if choices is not None:
             choices.do(actions[1], view)
-        moves: IntArray = actions[0]
-        return moves
+        return _take_edges(view, actions[0]) if by_edges else actions[0]
 
     play_policy.__name__ = f"policy({loaded.file.name!r})"
     play_policy.__qualname__ = play_policy.__name__
     return play_policy
+
+
+def _take_edges(view: ArrayView, actions: IntArray) -> IntArray:
+    """Make agents take the legal edges of these numbers, from 1; return the moves of the others, who stay."""
+    edges = view["legal_edges"]
+    if edges.shape[-1]:
+        taken = np.take_along_axis(edges, np.maximum(actions - 1, 0)[..., None], axis=-1)[..., 0]
+        view.take_edges(np.where(actions > 0, taken, -1))
+    return np.zeros_like(actions)
 
 
 def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
@@ -499,6 +523,8 @@ def _width_on(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
     if loaded.described is None:
         return legal
     spaces = loaded.described.spaces
+    if spaces.edges is True and not flies:
+        return max(spaces.legal, legal)
     if flies != spaces.flies:
         where = ("on the ground", "that fly")
         raise BadValue(f"{loaded.file} was trained for agents {where[spaces.flies]}, not for those {where[flies]}.")
@@ -511,14 +537,30 @@ def _width_on(loaded: _LoadedPolicy, legal: int, *, flies: bool) -> int:
     return max(known, legal)
 
 
+def _most_edges(loaded: _LoadedPolicy, here: int) -> int:
+    """Return the number of actions by edges of a policy, on a map with this number.
+
+    Raises:
+        BadValue: the map has more.
+    """
+    assert loaded.described is not None  # noqa: S101 - it says that actions take edges
+    known = loaded.described.spaces.actions
+    if here > known and not loaded.is_shared:
+        raise BadValue(
+            f"{loaded.file} was trained on maps with at most {known - 1} edges from a node, and here are {here - 1}: "
+            "train it with maps= of which one has as many, or save a network for each action with shared=."
+        )
+    return max(known, here)
+
+
 @lru_cache(maxsize=64)
 def _fit(loaded: _LoadedPolicy, legal: int, width: int, deeds: int, observed: tuple[int, ...]) -> _FittingPolicy:
     """Return a policy that fits a game.
 
     Args:
         loaded: the policy.
-        legal: the largest number of legal nodes on the map; for flying agents, the number of axes.
-        width: the number of actions that observations have entries for.
+        legal: the largest number of legal actions on the map; for flying agents, the number of axes.
+        width: the number of actions of the policy on the map.
         deeds: the number of deed choices.
         observed: the shape of one agent's observation.
 
@@ -683,10 +725,6 @@ def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
 def _describe(learners: Learners) -> PolicyDescription:
     """Return the description of a policy trained by these learners."""
     refuse_mixed(learners, range(len(learners.names)), "a policy")
-    if learners.by_edges:
-        raise BadValue(
-            "A policy moves to nodes, and these learners have moves='edges', which policies do not have yet."
-        )
     shape = list(np.asarray(learners.observe()).shape[2:])
     function = learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
@@ -694,7 +732,9 @@ def _describe(learners: Learners) -> PolicyDescription:
     flies = learners.all_fly
     actions = AXES if flies else learners.num_actions
     deeds = 0 if learners.deeds is None else len(learners.deeds)
-    spaces = PolicySpaces(shape, actions, named, deeds, flies, learners.num_actions if flies else 0)
+    by_edges = learners.by_edges and not flies
+    legal = learners.num_legal if flies or by_edges else 0
+    spaces = PolicySpaces(shape, actions, named, deeds, flies, legal, by_edges or msgspec.UNSET)
     digests = digests_by_map(learners.games)
     if len(digests) > _MOST_MAPS:
         raise BadValue(
