@@ -13,7 +13,7 @@ from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue
 from gamms.graph import Engine
 from gamms.sensor import SensorType
-from gamms.sensor.sighting_errors import Look, ReportableAgents
+from gamms.sensor.sighting_errors import LookDraws, PossibleFalseAlarms
 
 KINDS = ["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"]
 FLYING = ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
@@ -100,8 +100,8 @@ def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_not
 
 @given(seen=st.sets(st.integers(0, 11)), count=st.integers(0, 14), size=st.integers(1, 12), turn=st.integers(0, 9))
 def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, count, size, turn):
-    look, names = Look(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
-    among = ReportableAgents(names, kernels.name_keys(names))
+    look, names = LookDraws(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
+    among = PossibleFalseAlarms(names, kernels.name_keys(names))
     found = look.false_alarms(count, among, {f"a{i}" for i in seen}, np.array([7, 8, 9]))
     left = [name for name in names if name != "a3" and int(name[1:]) not in seen]
     for i in range(min(count, len(left))):

@@ -40,7 +40,7 @@ from gamms.game.batch import (
     step_with,
     view_source,
 )
-from gamms.game.block.vectors import Vectors
+from gamms.game.block.vectors import ObservationVectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -890,7 +890,7 @@ def straight_observation(view: ArrayView) -> Float32Array:
     return np.delete(found.values, roads, axis=2)
 
 
-def _default_vectors(view: ArrayView, threads: int) -> Vectors:
+def _default_vectors(view: ArrayView, threads: int) -> ObservationVectors:
     """Return the vectors of `default_observation`, with the names of the first entries."""
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
     lasting = lasting_in(view)

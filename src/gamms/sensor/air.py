@@ -19,7 +19,7 @@ from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
 from gamms.sensor.nearby import Coordinates, caches_of
 from gamms.sensor.sensor import Sensor, of_data
-from gamms.sensor.sighting_errors import Look
+from gamms.sensor.sighting_errors import LookDraws
 from gamms.sensor.views import ground_at, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
@@ -305,7 +305,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         agents = np.array([place[:2] for _, place in self._view_data().values()], np.float64).reshape(-1, 2)
         return self._with_field(SensorView(agents=agents, names=self._names()), fov_geometry.shadow)
 
-    def _found(self, pose: Pose | None, look: Look) -> tuple[IntArray, Coordinates]:
+    def _found(self, pose: Pose | None, look: LookDraws) -> tuple[IntArray, Coordinates]:
         """Return the rows (agents,) of the agents that are seen, and their positions."""
         nearby = caches_of(self.ctx).nearby
         near = np.zeros(0, np.int64)

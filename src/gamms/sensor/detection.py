@@ -18,7 +18,7 @@ from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
-from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, ReportableAgents, delayed, forget_delayed
+from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, LookDraws, PossibleFalseAlarms, delayed, forget_delayed
 from gamms.typing import IContext
 from gamms.typing.routes import made_last
 
@@ -146,16 +146,16 @@ class DetectionModel(Guarded):
         return [row for row in rows if (known is None or teams[row] in known) and teams[row] not in others]
 
     @refused_while_deciding
-    def look(self, ctx: IContext, owner: str | None) -> Look:
+    def look(self, ctx: IContext, owner: str | None) -> LookDraws:
         """Count and return one more look of this owner."""
         turn = 0 if (game := ctx.current_game) is None else game.turn
         last, looks = self._looks.get(owner, (turn, 0))
         looks = looks if last == turn else 0
         self._looks[owner] = turn, looks + 1
-        return Look(ctx.seed, self._sensor_id, "" if owner is None else owner, turn, looks)
+        return LookDraws(ctx.seed, self._sensor_id, "" if owner is None else owner, turn, looks)
 
     def is_noticed(
-        self, look: Look, names: list[str], distances: FloatArray
+        self, look: LookDraws, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
         """Draw which agents are detected, (agents,)."""
         chances = self.chances(distances)
@@ -169,7 +169,7 @@ class DetectionModel(Guarded):
         return self._chance is not None or self.has_errors
 
     @refused_while_deciding
-    def delayed(self, ctx: IContext, look: Look, seen: dict[str, Any]) -> dict[str, Any]:
+    def delayed(self, ctx: IContext, look: LookDraws, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report for the present look, by agent names, after the delay."""
         return delayed(ctx, look, seen, self.delay_turns, is_noted=not self._is_trial) if self.delay_turns else seen
 
@@ -252,7 +252,7 @@ class DetectingSensor(Sensor):
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         """Return the ids of the nodes in view (nodes,), and their distances (nodes,)."""
 
-    def _report(self, look: Look, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
+    def _report(self, look: LookDraws, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report of a look, by agent names in order of creation."""
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
@@ -271,16 +271,16 @@ class DetectingSensor(Sensor):
         """Return the names of the agents seen last, if they were reported without errors."""
         return () if self._notice is not None and self._notice.has_errors else tuple(self._view_data())
 
-    def _reportable(self) -> ReportableAgents:
+    def _reportable(self) -> PossibleFalseAlarms:
         """Return the agents that may be reported falsely."""
         positions = self.ctx.agent.positions
         notice = self.notice
         teams = [None if given is None else (*teams_in(given),) for given in (notice.team, notice.exclude)]
 
-        def make() -> ReportableAgents:
+        def make() -> PossibleFalseAlarms:
             rows = notice.wanted(self._reportable_rows(), positions.teams)
             names = [positions.names[row] for row in rows]
-            return ReportableAgents(names, kernels.name_keys(names))
+            return PossibleFalseAlarms(names, kernels.name_keys(names))
 
         # NOTE: shared by the looks of all agents until one dies or changes its team (benchmarks: false
         # alarms).

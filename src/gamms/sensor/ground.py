@@ -20,7 +20,7 @@ from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import caches_of
 from gamms.sensor.sensor import ALL_AROUND, Heading, Sensor, of_data
-from gamms.sensor.sighting_errors import Look
+from gamms.sensor.sighting_errors import LookDraws
 from gamms.sensor.views import (
     FULL_CIRCLE,
     Place,
@@ -432,7 +432,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _places(self, sightings: list[int]) -> IntArray:
         return np.array(sightings, np.int64)
 
-    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], Look | None]:
+    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], LookDraws | None]:
         """Return the positions of agents, the rows of seen agents, ascending, and the look, if it was counted."""
         nearby = self._memory.nearby
         view = self._viewpoint(place)

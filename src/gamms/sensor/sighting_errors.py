@@ -20,15 +20,15 @@ AXES = ("x", "y", "z")
 MOST_FALSE_ALARMS = 100.0  # per look: more would hide any agent
 
 
-class ReportableAgents(NamedTuple):
+class PossibleFalseAlarms(NamedTuple):
     """The agents that may be reported falsely, in order of creation."""
 
     names: list[str]
     keys: BitArray  # (names,) hashes of the names
 
 
-class Look(NamedTuple):
-    """One look of a sensor: the inputs of all its random draws."""
+class LookDraws(NamedTuple):
+    """The random draws of one look of a sensor, made from what tells it from all other looks."""
 
     seed: int
     sensor_id: str
@@ -51,7 +51,7 @@ class Look(NamedTuple):
         return kernels.poisson(self._one("false alarms"), rate)
 
     def false_alarms(
-        self, count: int, among: ReportableAgents, but: Collection[str], node_ids: IntArray
+        self, count: int, among: PossibleFalseAlarms, but: Collection[str], node_ids: IntArray
     ) -> dict[str, int]:
         """Return agent -> the node on which it is reported falsely.
 
@@ -89,7 +89,7 @@ class Look(NamedTuple):
         return kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
 
 
-def delayed(ctx: IContext, look: Look, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
+def delayed(ctx: IContext, look: LookDraws, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
     """Return the data of an earlier look as plain values: the latest look that is at least `delay` turns old.
 
     Args:

@@ -28,8 +28,8 @@ from gamms.game.block.state import Arrays, GameArrays, ShowsMap
 from gamms.game.block.strategy_steps import LOOKING, AskedSteps, has_plain_looks, looks_of, make_search
 from gamms.game.block.vectors import (
     Encoder,
+    ObservationVectors,
     RoadDistances,
-    Vectors,
     Vectors32,
     find_distances,
     legal_of,
@@ -466,7 +466,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         """Return whether each pair is of the same team, (pairs,)."""
         return self.roster.are_mates(self.agents[found.viewers], found.others)
 
-    def vector(self, others: int = 4) -> Vectors:
+    def vector(self, others: int = 4) -> ObservationVectors:
         """Return observations as vectors of equal length, (games, agents, entries).
 
         The entries are `x` and `y`, the agent's position; for each action `is_legal`, `dx` and `dy`; for each of the
@@ -480,7 +480,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         """
         return self._encoded(as_count(others, "others", least=0), 0, 1)
 
-    def _encoded(self, others: int, more: int, threads: int) -> Vectors:
+    def _encoded(self, others: int, more: int, threads: int) -> ObservationVectors:
         """Return vectors with `more` additional entries: 0, except the last one, n / (n + 100) after n turns."""
         encoder = self._encoder(others)
         found = encoder.made(self.mask, more)
@@ -777,7 +777,7 @@ def lasting_in(view: ArrayView) -> list[tuple[int, float]]:
     return [] if reader is None else reader.lengths
 
 
-def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
+def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> ObservationVectors:
     """Return the vectors of a view with additional entries; see `Encoder.made`."""
     return view._encoded(others, more, threads)
 

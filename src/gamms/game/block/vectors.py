@@ -31,7 +31,7 @@ _FEW_PAIRS = 1 << 20  # of nodes: all their distances are searched, because a fu
 Vectors32 = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 
 
-class Vectors(NamedTuple):
+class ObservationVectors(NamedTuple):
     """Observation vectors of the agents of a view.
 
     Attributes:
@@ -74,7 +74,7 @@ class Encoder:
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
 
-    def made(self, mask: BoolArray, more: int) -> Vectors:
+    def made(self, mask: BoolArray, more: int) -> ObservationVectors:
         """Return uninitialized vectors with `more` additional entries at the end.
 
         Args:
@@ -87,9 +87,9 @@ class Encoder:
             refuse_above(bytes_, f"{mask.size} vectors of {self._others} others")
         values = np.empty((*mask.shape, entries), np.float32)
         is_legal = np.empty((*mask.shape, self._actions), np.bool_)
-        return Vectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
+        return ObservationVectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
 
-    def output(self, vectors: Vectors, xy: FloatArray | None = None) -> observe.VectorObservations:
+    def output(self, vectors: ObservationVectors, xy: FloatArray | None = None) -> observe.VectorObservations:
         """Return the buffers of vectors that the core writes to.
 
         Args:
