@@ -461,17 +461,38 @@ def test_a_game_of_agents_with_a_mode_has_the_value_of_the_game_on_the_map_of_th
     assert solve.solve(whole).value == pytest.approx(solve.solve(cars).value, abs=1e-9)
 
 
-def test_exact_pursuers_refuse_agents_of_several_modes():
+@pytest.mark.parametrize(
+    "modes", [("car", "car", None), (None, None, "car"), ("car", None, None), ("car", "foot", None)]
+)
+def test_exact_pursuers_of_several_modes_catch_when_the_solver_says(tmp_path, modes):
     with gamms.create_context(seed=1) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 3))
         for edge in [*ctx.graph.get_edges()]:
-            ctx.graph.update_edge({"id": edge, "car": edge % 3 > 0})
-        ctx.game.order = [["cop"], ["prey"]]
-        exact = solve.exact_pursuers(ctx)
-        ctx.agent.create_agent("a", start_node_id=0, team="cop", mode="car", strategy=exact)
-        ctx.agent.create_agent("b", start_node_id=8, team="prey", strategy=strategies.random_walk)
-        with pytest.raises(BadValue, match="give all the same mode="):
-            ctx.game.step()
+            ctx.graph.update_edge({"id": edge, "car": edge % 4 != 1, "foot": edge % 3 != 0})
+        ctx.graph.save(tmp_path / "town.gamms")
+    order = ["cop", "prey"] if modes[0] else ["prey", "cop"]
+    *cops, prey = [{} if mode is None else {"mode": mode} for mode in modes]
+    caught = []
+    for start in ((0, 2, 5), (4, 0, 2), (1, 1, 3), (5, 3, 0)):
+        scene = Scenario(
+            map={"file": "town.gamms"},
+            folder=tmp_path,
+            teams={
+                "cop": {"agents": [{"name": f"cop_{i}", "node": start[i], **own} for i, own in enumerate(cops)]},
+                "prey": {"agents": [{"name": "prey", "node": start[2], **prey}]},
+            },
+            rules=[{"rule": "tag", "with": {"taggers": "cop", "tagged": "prey", "then": "eliminate"}}, "last_team"],
+            settings={"order": [[team] for team in order], "information": "full"},
+            max_turns=4,
+        )
+        players = {"cop": solve.exact_pursuers, "prey": solve.exact_evader}
+        played = scene.play(strategies=players)
+        assert (played.winner == "cop") == (solve.solve(scene, team="cop").value > 0.5)
+        with scene.batch(2, strategies=players) as games:
+            games.run()
+            assert games.result(1).turns == played.turns
+        caught.append(played.winner)
+    assert "cop" in caught
 
 
 def test_what_can_be_believed_of_an_agent_follows_its_mode():

@@ -1,13 +1,14 @@
 """Pursuit in turns with full sight: exact play on large maps, as a table over the places of all agents.
 
-Pursuers are interchangeable, so a position is a *formation* (a multiset of nodes), the node of the evader, and the side
-to move. `PursuitTable` has an outcome for each, which `gamms.core.pursuit` finds backward from captures and escapes.
-`pursuit` makes it for a graph, `recognized` for a scenario with these rules, which `solve` then need not explore.
+A position is a *formation* of the pursuers, the node of the evader, and the side to move. Pursuers on the same roads
+are interchangeable, so that a formation is a multiset of nodes; else it has a node of each. `PursuitTable` has an
+outcome for each position, which `gamms.core.pursuit` finds backward from captures and escapes. `pursuit` makes it for a
+graph, `recognized` for a scenario with these rules, which `solve` then need not explore.
 """
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
-from math import comb, inf
+from math import comb, inf, prod
 from typing import Any, Literal, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -103,48 +104,73 @@ class PursuitTable:
     on an exit at the end of a turn, and not caught.
 
     Args:
-        roads: the graph.
-        pursuers: the number of pursuers.
+        roads: the graph of each pursuer, then that of the evader, all with the same nodes; equal ones are one object.
         exits: rows of nodes.
         first: the side that moves first in a turn.
 
     Attributes:
+        fleet: the graph of each pursuer.
+        roads: that of the evader.
         codes: (2, formations, nodes) by side to move; see `core.pursuit.Positions`.
 
     Raises:
         TooLarge: the positions would take too much memory.
     """
 
-    def __init__(self, roads: Roads, pursuers: int, exits: Sequence[int], first: int) -> None:
-        self.roads = roads
-        self.pursuers = pursuers
+    def __init__(self, roads: Sequence[Roads], exits: Sequence[int], first: int) -> None:
+        *self.fleet, self.roads = roads
+        self.pursuers = len(self.fleet)
+        self._are_alike = all(one is self.fleet[0] for one in self.fleet)
         self.first = first
-        self.exits = np.zeros(len(roads.labels), np.bool_)
+        nodes = len(self.roads.labels)
+        self.exits = np.zeros(nodes, np.bool_)
         self.exits[[*exits]] = True
-        self._row_of = {label: row for row, label in enumerate(roads.labels)}
+        self._row_of = {label: row for row, label in enumerate(self.roads.labels)}
         self._refuse_large()
-        ranks = [[comb(row + number, number + 1) for row in range(len(roads.labels))] for number in range(pursuers)]
-        self._ranks = [*np.array(ranks, np.int64)]  # of each pursuer: (nodes,) binomials, see `_numbers`
-        formations = _formations(len(roads.labels), pursuers)
-        self.codes = self._find(formations)
+        ranks = [[self._rank(row, number) for row in range(nodes)] for number in range(self.pursuers)]
+        self._ranks = [*np.array(ranks, np.int64)]  # of each pursuer: (nodes,), see `_numbers`
+        self.codes = self._find(self.formations())
+
+    def formations(self) -> IntArray:
+        """Return all formations, (formations, pursuers), as rows of nodes, in the order of their numbers."""
+        nodes = len(self.roads.labels)
+        return _formations(nodes, self.pursuers) if self._are_alike else _sequences(nodes, self.pursuers)
+
+    def _rank(self, row: int, number: int) -> int:
+        """Return what a pursuer on a node, the `number`-th, adds to the number of a formation."""
+        if self._are_alike:
+            return comb(row + number, number + 1)
+        return int(row * len(self.roads.labels) ** number)
+
+    def _sort(self, places: Any) -> IntArray:
+        """Return the nodes of formations, (…, pursuers), in the order in which formations list them."""
+        found: IntArray = np.sort(places, axis=-1) if self._are_alike else np.asarray(places)
+        return found
 
     def __len__(self) -> int:
         return self.codes.size
 
     def _refuse_large(self) -> None:
         nodes = len(self.roads.labels)
-        positions = 2 * comb(nodes + self.pursuers - 1, self.pursuers) * nodes
-        moves = [1, *[0] * self.pursuers]  # of all formations with so many pursuers on the nodes so far
-        for degree in np.diff(self.roads.offsets).tolist():
-            for number in range(1, self.pursuers + 1):
-                moves[number] += degree * moves[number - 1]
-        most = min(moves[-1], (positions // nodes) ** 2) + int(np.diff(self.roads.offsets).max()) ** self.pursuers
+        formations = comb(nodes + self.pursuers - 1, self.pursuers) if self._are_alike else nodes**self.pursuers
+        positions = 2 * formations * nodes
+        degrees = [np.diff(one.offsets) for one in self.fleet]
+        moves = self._count_moves(degrees[0].tolist()) if self._are_alike else prod(len(one.ends) for one in self.fleet)
+        most = min(moves, formations**2) + prod(int(each.max()) for each in degrees)
         what = f"A pursuit of {self.pursuers} pursuers on {nodes:,} nodes, {positions:,} positions,"
         refuse_above(10.0 * positions + 48.0 * most, what)
         if positions >= _MOST_POSITIONS:
             raise TooLarge(
                 f"{what} is too large: {_MOST_POSITIONS:,} are allowed. Take fewer pursuers or a smaller map."
             )
+
+    def _count_moves(self, degrees: Sequence[int]) -> int:
+        """Return the number of moves of all formations of pursuers that are alike, given those from each node."""
+        moves = [1, *[0] * self.pursuers]  # of all formations with so many pursuers on the nodes so far
+        for degree in degrees:
+            for number in range(1, self.pursuers + 1):
+                moves[number] += degree * moves[number - 1]
+        return moves[-1]
 
     def _find(self, formations: IntArray) -> "np.ndarray[Any, np.dtype[np.int32]]":
         nodes = len(self.roads.labels)
@@ -167,19 +193,19 @@ class PursuitTable:
 
     def _team_moves(self, formations: IntArray) -> tuple[IntArray, IntArray]:
         """Return the formations before and after each joint move, each pair once."""
-        offsets, ends = self.roads.offsets, self.roads.ends
-        counts = np.diff(offsets)[formations].prod(axis=1)
+        degrees = [np.diff(one.offsets)[formations[:, number]] for number, one in enumerate(self.fleet)]
+        counts = np.multiply.reduce(degrees)
         parts = np.cumsum(counts) // _CHUNK
         keys = []
         for chunk in np.split(np.arange(len(formations)), np.flatnonzero(np.diff(parts)) + 1):
             before = chunk
             after = np.zeros((len(chunk), 0), np.int64)
-            for pursuer in range(self.pursuers):
+            for pursuer, roads in enumerate(self.fleet):
                 places = formations[before, pursuer]
-                rows, moves = kernels.expand_ranges(offsets[places], offsets[places + 1])
+                rows, moves = kernels.expand_ranges(roads.offsets[places], roads.offsets[places + 1])
                 before = before[rows]
-                after = np.column_stack((after[rows], ends[moves]))
-            keys.append(np.unique(before * len(formations) + self._numbers(np.sort(after, axis=1).T)))
+                after = np.column_stack((after[rows], roads.ends[moves]))
+            keys.append(np.unique(before * len(formations) + self._numbers(self._sort(after).T)))
         return np.divmod(np.concatenate(keys), len(formations))
 
     # -- single positions ---------------------------------------------------------------------------------------
@@ -203,7 +229,7 @@ class PursuitTable:
             place: the row of the evader.
         """
         if not self.exits[place] or place in places:
-            return int(self.codes[self.first, self._numbers(sorted(places)), place])
+            return int(self.codes[self.first, self._numbers(self._sort(places)), place])
         _, [after] = self.best(
             self.first, np.array([places]), np.array([place])
         )  # a game begins here, and has not ended
@@ -211,14 +237,14 @@ class PursuitTable:
 
     def _codes_of(self, side: int, places: IntArray, place: IntArray) -> IntArray:
         """Return the codes of positions: `places` (…, pursuers), `place` (…)."""
-        found: IntArray = self.codes[side, self._numbers(np.moveaxis(np.sort(places, axis=-1), -1, 0)), place]
+        found: IntArray = self.codes[side, self._numbers(np.moveaxis(self._sort(places), -1, 0)), place]
         return found
 
     def _numbers(self, places: Iterable[Any]) -> Any:  # Any: integers or arrays
         """Return the numbers of formations.
 
         Args:
-            places: the row of each pursuer, ascending: integers, or arrays of one shape.
+            places: the row of each pursuer, sorted: integers, or arrays of one shape; see `_sort`.
         """
         return sum(rank[row] for rank, row in zip(self._ranks, places, strict=True))
 
@@ -239,8 +265,11 @@ class PursuitTable:
         """
         sign = 1 if side == PURSUERS else -1
         own = places if side == PURSUERS else place[:, None]
-        choices = np.indices((self._ways.shape[1],) * own.shape[1]).reshape(own.shape[1], -1)
-        ends = self._ways[own[:, None, :], choices.T]  # (games, choices, agents)
+        roads = self.fleet if side == PURSUERS else [self.roads]
+        ways = [self._of_roads(one)[0] for one in roads]
+        choices = np.indices([one.shape[1] for one in ways]).reshape(len(ways), -1)
+        each = [one[own[:, None, i], choices[i]] for i, one in enumerate(ways)]
+        ends = np.stack(each, axis=2)  # (games, choices, agents)
         is_move: BoolArray = np.logical_and.reduce(ends >= 0, axis=2)
         if side == PURSUERS:
             pursuers, evader = ends, np.broadcast_to(place[:, None], is_move.shape)
@@ -248,40 +277,51 @@ class PursuitTable:
             pursuers, evader = np.broadcast_to(places[:, None, :], (*is_move.shape, places.shape[1])), ends[:, :, 0]
         codes = self._codes_of(1 - side, np.where(is_move[:, :, None], pursuers, 0), np.where(is_move, evader, 0))
         worth = np.where(is_move, sign * _worth(codes), -inf)
-        far = sign * self._far[pursuers, evader[:, :, None]].sum(axis=2)
+        distances = [self._of_roads(one)[1][pursuers[:, :, i], evader] for i, one in enumerate(self.fleet)]
+        far = sign * np.add.reduce(distances)
         is_best = worth == worth.max(axis=1, keepdims=True)
         best = np.where(is_best, far, inf).argmin(axis=1)
         games = np.arange(len(best))
         return ends[games, best], codes[games, best]
 
-    @cached_property
-    def _ways(self) -> IntArray:
-        """(nodes, most) the rows to which an agent can move from each node, its own first, padded with -1."""
-        offsets, ends = self.roads.offsets, self.roads.ends
-        counts = np.diff(offsets)
-        begins = np.repeat(np.arange(len(counts)), counts)
-        order = np.lexsort((ends, ends != begins, begins))
-        found = np.full((len(counts), int(counts.max())), -1)
-        found[begins, np.arange(len(ends)) - offsets[begins]] = ends[order]
-        return found
+    def _of_roads(self, roads: Roads) -> tuple[IntArray, FloatArray]:
+        """Return the moves and the distances on a graph; see `_ways_on` and `_distances_on`."""
+        if id(roads) not in self._known:
+            self._known[id(roads)] = _ways_on(roads), _distances_on(roads)
+        return self._known[id(roads)]
 
     @cached_property
-    def _far(self) -> FloatArray:
-        """(nodes, nodes) the number of edges from each node to each other; without a path the number of nodes."""
-        nodes = len(self.roads.labels)
-        begins = np.repeat(np.arange(nodes), np.diff(self.roads.offsets))
-        offsets, order = kernels.group_rows(self.roads.ends, nodes)
-        into = begins[order]
-        far = np.full((nodes, nodes), float(nodes))
-        reached = np.eye(nodes, dtype=np.bool_)
-        steps = 0
-        while True:
-            new = reached & (far == nodes)
-            if not new.any():
-                return far
-            far[new] = steps
-            steps += 1
-            reached = np.logical_or.reduceat(reached[:, into], offsets[:-1], axis=1)
+    def _known(self) -> dict[int, tuple[IntArray, FloatArray]]:
+        return {}
+
+
+def _ways_on(roads: Roads) -> IntArray:
+    """Return the rows to which an agent can move from each node, (nodes, most), its own first, padded with -1."""
+    offsets, ends = roads.offsets, roads.ends
+    counts = np.diff(offsets)
+    begins = np.repeat(np.arange(len(counts)), counts)
+    order = np.lexsort((ends, ends != begins, begins))
+    found = np.full((len(counts), int(counts.max())), -1)
+    found[begins, np.arange(len(ends)) - offsets[begins]] = ends[order]
+    return found
+
+
+def _distances_on(roads: Roads) -> FloatArray:
+    """Return the number of edges from each node to each other, (nodes, nodes); without a path the number of nodes."""
+    nodes = len(roads.labels)
+    begins = np.repeat(np.arange(nodes), np.diff(roads.offsets))
+    offsets, order = kernels.group_rows(roads.ends, nodes)
+    into = begins[order]
+    far = np.full((nodes, nodes), float(nodes))
+    reached = np.eye(nodes, dtype=np.bool_)
+    steps = 0
+    while True:
+        new = reached & (far == nodes)
+        if not new.any():
+            return far
+        far[new] = steps
+        steps += 1
+        reached = np.logical_or.reduceat(reached[:, into], offsets[:-1], axis=1)
 
 
 def _worth(codes: IntArray) -> FloatArray:
@@ -310,6 +350,12 @@ def _formations(nodes: int, pursuers: int) -> IntArray:
         smaller = np.arange(len(last)) - np.repeat(np.cumsum(counts) - counts, counts)
         found = np.column_stack((found[smaller], last))
     return found
+
+
+def _sequences(nodes: int, pursuers: int) -> IntArray:
+    """Return all sequences of rows of nodes, (nodes ** pursuers, pursuers), ordered by their numbers."""
+    numbers = np.arange(nodes**pursuers)
+    return np.stack([numbers // nodes**place % nodes for place in range(pursuers)], axis=1)
 
 
 class PursuitTerms(NamedTuple):
@@ -358,7 +404,16 @@ class PursuitStrategy:
 
     def _decide(self, order: tuple[tuple[Hashable, ...], ...], view: ArrayView) -> IntArray:
         """Return the actions of the agents of a view, in games with this order of play."""
-        rows = self._rows_on(view.streets.columns)
+        return self.choose(order, view, self._rows_on(view.streets.columns))
+
+    def choose(self, order: tuple[tuple[Hashable, ...], ...], view: ArrayView, rows: IntArray) -> IntArray:
+        """Return the actions of the agents of a view, in games with an order of play.
+
+        Args:
+            order: the order.
+            view: the view.
+            rows: (nodes,) the row in the table of each node of the map.
+        """
         roster = view.roster
         pursuers, evaders = _sides_of(view, self._side)
         own = pursuers if self._side == PURSUERS else evaders
@@ -459,24 +514,33 @@ def _decide_exactly(
     side: int, exits: tuple[int, ...], order: tuple[tuple[Hashable, ...], ...], view: ArrayView
 ) -> IntArray:
     """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
-    pursuers, _ = _sides_of(view, side)
-    if len({mode_of(agent) for agent in view.roster.agents}) > 1:
-        raise BadValue("Exact play of a pursuit needs agents that may use the same edges: give all the same mode=.")
+    pursuers, evaders = _sides_of(view, side)
     if view.roster.obey_turns:
         raise BadValue("Exact play of a pursuit does not know turn restrictions: leave out 'turns' of mode=.")
-    columns = view.streets.columns
+    maps = _find_maps(view, [*pursuers.tolist(), *evaders.tolist()[:1]])
     is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
     first = side if is_first else 1 - side
-    tables = _TABLES.setdefault(columns, {})
-    key = len(pursuers), exits, first
+    tables = _TABLES.setdefault(maps[-1], {})
+    key = tuple(map(id, maps)), exits, first
     if key not in tables:
-        roads = _roads_of_columns(columns)
-        tables[key] = PursuitTable(roads, len(pursuers), _exit_rows(roads, exits), first)
-    return PursuitStrategy(tables[key], side)._decide(order, view)
+        roads = {id(one): _roads_of_columns(one) for one in maps}
+        rows = _exit_rows(roads[id(maps[-1])], exits)
+        tables[key] = PursuitTable([roads[id(one)] for one in maps], rows, first), maps[:-1]
+    table, _ = tables[key]
+    return PursuitStrategy(table, side).choose(order, view, np.arange(len(table.exits)))
 
 
-_TABLES: WeakKeyDictionary[GraphColumns, dict[tuple[int, tuple[int, ...], int], PursuitTable]] = WeakKeyDictionary()
-"""Map -> number of pursuers, exits and first side -> the outcomes."""
+def _find_maps(view: ArrayView, agents: Sequence[int]) -> list[GraphColumns]:
+    """Return the map of each of several agents, by their numbers: the same object if they have the same mode."""
+    roster = view.roster
+    modes = [mode_of(roster.agents[agent]) for agent in agents]
+    of_mode = {mode: view.of(np.array([agent])).streets.columns for mode, agent in zip(modes, agents, strict=True)}
+    return [of_mode[mode] for mode in modes]
+
+
+_Key = tuple[tuple[int, ...], tuple[int, ...], int]
+_TABLES: WeakKeyDictionary[GraphColumns, dict[_Key, tuple[PursuitTable, list[GraphColumns]]]] = WeakKeyDictionary()
+"""Map of the evader -> ids of the maps of all, exits and first side -> the outcomes, and the maps of the pursuers."""
 
 
 def _sides_of(view: ArrayView, side: int) -> tuple[IntArray, IntArray]:
@@ -658,7 +722,7 @@ class PursuitSolution(Solution):
         nodes = np.flatnonzero(~table.exits)
         worth = _worth(table.codes[table.first][:, nodes])
         formation = int(worth.min(axis=1).argmax())
-        places = _formations(len(table.exits), table.pursuers)[formation].tolist()
+        places = table.formations()[formation].tolist()
         place = int(nodes[worth[formation].argmin()])
         names = (*self._terms.pursuers, self._terms.evader)
         return {name: table.roads.labels[row] for name, row in zip(names, [*places, place], strict=True)}
@@ -710,7 +774,7 @@ def pursuit(
     number = as_count(pursuers, "pursuers")
     first = ROLES.index(as_choice(moves_first, "moves_first", ROLES))
     roads = roads_of(graph)
-    outcomes = PursuitTable(roads, number, _exit_rows(roads, exits), first)
+    outcomes = PursuitTable([roads] * (number + 1), _exit_rows(roads, exits), first)
     names = tuple(f"pursuer_{place}" for place in range(number))
     return PursuitSolution(outcomes, PursuitTerms(("pursuers", "evader"), names, "evader"), "pursuers")
 
@@ -745,7 +809,7 @@ def cop_number(graph: object, *, most: int = 3) -> int | None:
     limit = as_count(most, "most")
     roads = roads_of(graph)
     for number in range(1, limit + 1):
-        outcomes = PursuitTable(roads, number, (), PURSUERS)
+        outcomes = PursuitTable([roads] * (number + 1), (), PURSUERS)
         if (outcomes.codes[PURSUERS] > 0).all(axis=1).any():
             return number
     return None
@@ -774,7 +838,7 @@ def recognized(setup: GameSetup, reward: Reward, discount: float) -> PursuitSolu
         last = TurnTerms.of(ctx.game, setup.last_turn).last_turn
         terms = PursuitTerms(rules.teams, tuple(sides[0]), sides[1][0], gains, discount, last)
         roads = roads_of(ctx.graph)
-        outcomes = PursuitTable(roads, len(sides[0]), _exit_rows(roads, rules.exits), rules.first)
+        outcomes = PursuitTable([roads] * (len(sides[0]) + 1), _exit_rows(roads, rules.exits), rules.first)
         start = {one.name: one.current_node_id for one in ctx.game.agents}
         return PursuitSolution(outcomes, terms, setup.teams[0], start, setup, reward)
 
