@@ -252,6 +252,16 @@ def test_pages_for_contributors_are_not_in_the_navigation():
     assert not listed & set(hidden)
 
 
+def test_records_of_decisions_have_one_page_each_and_are_listed():
+    folder = DOCS / "decisions"
+    records = {path.name: path.read_text(encoding="utf-8") for path in sorted(folder.glob("[0-9]*.md"))}
+    listed, superseded = (folder / "README.md").read_text(encoding="utf-8").split("## Superseded")
+    assert re.findall(r"^\| \[\d{4}\]\((.+?)\) \|", listed, re.MULTILINE) == list(records)
+    assert not {name[:4] for name in records} & set(re.findall(r"^\| (\d{4}) \|", superseded, re.MULTILINE))
+    assert not [name for name, text in records.items() if not text.startswith(f"# {name[:4]} ")]
+    assert not [name for name, text in records.items() if len(text.split()) > 600]
+
+
 def test_one_line_installs_the_extras_of_all_tutorials():
     install = re.compile(r'pip install "\.\[([\w,-]+)\]"')
     chapters = sorted((DOCS / "tutorials").glob("[1-9]_*.md"))
