@@ -136,7 +136,7 @@ def derived(nearest: type[Sensor], read: Callable[..., Any]) -> type[Sensor]:
     """
     data: property = vars(Sensor)["data"]
 
-    def read_at_place(sensor: Any) -> Any:
+    def read_at_place(sensor: Sensor) -> Any:
         return read(sensor._view_data(), place=sensor._place_of_look())
 
     read_data = read_at_place if _takes_place(read) else lambda sensor: read(sensor._view_data())
