@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms import recorder
+from gamms import recorder, recordings, web
 from gamms.agent import AgentType
 from gamms.errors import BadValue, UnknownName
+from gamms.ir import events as kinds
 from gamms.knowledge import looks as sensed
+from gamms.knowledge.fields import FieldTable, SensorField, find_places
+from gamms.recorder import RecordingError
 from gamms.sensor import SensorType
+from gamms.sensor.detection import DetectingSensor
 
 QUIET = {"level": "CRITICAL"}
 
@@ -160,8 +164,228 @@ def test_what_was_not_observed_is_refused(game):
 
 
 def test_damaged_columns_are_refused():
-    data = sensed.packed([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
+    looks = sensed.take_looks([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
+    data = sensed.columns_of(looks, FieldTable(), 0)
     assert [look.first for _, look in sensed.looks_of(data, 0)] == [[1, 2]]
     for key, value in (("counts", np.array([2])), ("which", np.array([5])), ("sensors", [3]), ("forms", np.array([3]))):
         with pytest.raises((KeyError, ValueError, TypeError, IndexError)):
             sensed.looks_of({**data, key: value}, 0)
+
+
+# -- covered nodes ------------------------------------------------------------------------------------------------
+
+
+def roam(state):
+    legal = state["legal"]
+    state["action"] = legal[(state["turn"] * 7 + state["curr_pos"]) % len(legal)]
+
+
+def build_lookouts(turns):
+    """Agents with sensors of all kinds that report agents; and for each turn agent, sensor -> the covered nodes."""
+    ctx = gamms.create_context(seed=6, logger_config=QUIET)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6, 10.0))
+    ctx.graph.add_obstacles([[(25.0, 28.0, 9.0), (25.0, 12.0, 9.0), (25.0, 28.0, 0.0), (25.0, 12.0, 0.0)]])
+    kinds_of_sensors = {
+        "disc": ("agent_range", {}),
+        "late": ("agent_range", {"delay_turns": 2, "position_noise_m": 3.0, "detection": 0.5}),
+        "fan": ("agent_arc", {"fov": 1.5}),
+        "tower": ("agent_range", {"at": 14}),
+        "mast": ("agent_range", {"at": (12.0, 31.0)}),
+        "blocked": ("occluded_agent", {}),
+        "everywhere": ("agent", {}),
+        "streets": ("range", {}),
+    }
+    for number, node in enumerate((0, 20)):
+        sensors = {}
+        for name, (kind, more) in kinds_of_sensors.items():
+            given = {} if name == "everywhere" else {"sensor_range": 25.0}
+            sensors[name] = ctx.sensor.create_sensor(f"{name} {number}", kind, **given, **more)
+        speed = {"speed": 3.0} if number else {}
+        ctx.agent.create_agent(
+            f"walker_{number}", start_node_id=node, team="red", sensors=sensors, strategy=roam, **speed
+        )
+    ctx.sensor.create_sensor("traffic", SensorType.AERIAL_AGENT, sensor_range=30.0)
+    ctx.agent.create_agent(
+        "kite",
+        start_node_id=7,
+        type=AgentType.AERIAL,
+        speed=3.0,
+        sensors=["traffic"],
+        strategy=lambda s: s.update(action=(1, 1, 0)),
+    ).position = (20.0, 20.0, 15.0)
+    ctx.game.configure({"speed_unit": "metres"})
+
+    def note_covered(agents, _):
+        places = find_places(ctx)
+        turns.append(
+            {
+                (agent.name, name): sorted(
+                    sensor.coverage(places.get(agent.name, agent.current_node_id), agent.name).node_ids.tolist()
+                )
+                for agent in agents
+                for name, sensor in agent.sensors.items()
+                if name not in ("streets", "everywhere")
+            }
+        )
+
+    ctx.game.internals.after_observing.append(note_covered)
+    return ctx
+
+
+@pytest.fixture(scope="module")
+def lookouts():
+    """A recording, and the covered nodes of each turn."""
+    turns, stream = [], io.BytesIO()
+    with build_lookouts(turns) as ctx:
+        ctx.record.start(stream, sensed=True)
+        ctx.game.run(270)
+        ctx.record.stop()
+    return stream.getvalue(), turns
+
+
+def fields_in(recording, start=0):
+    """Yield the number of a turn, and agent, sensor -> its recorded field."""
+    table = FieldTable()
+    for turn, _, _, data in recording.reader.events(start, kinds={kinds.SENSED}):
+        looks = sensed.looks_of(data, fields=table)
+        names = recording[turn].agents["name"].tolist()
+        yield turn, {(names[number], look.sensor): look.field for number, look in looks}
+
+
+def test_recordings_have_the_nodes_that_sensors_cover(lookouts):
+    data, turns = lookouts
+    with recorder.open(io.BytesIO(data)) as recording, gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.storage.unpack(recording.graph.packed)
+        read = {}
+        for turn, fields in fields_in(recording):
+            covered = {key: one.nodes(ctx.graph.graph).tolist() for key, one in fields.items() if one is not None}
+            assert covered == turns[turn], turn
+            read[turn] = fields
+        assert len({tuple(nodes) for one in turns for nodes in one.values()}) > 100
+        assert any(isinstance(one.place, tuple) for (_, name), one in read[5].items() if name == "disc" and one)
+        assert dict(fields_in(recording, 256)) == {turn: read[turn] for turn in range(256, 270)}
+        later = dict(fields_in(recording, 100))
+        assert all(one in (None, read[turn][key]) for turn, fields in later.items() for key, one in fields.items())
+        assert later[256] == read[256]
+
+
+def test_each_field_is_written_once(lookouts):
+    with recorder.open(io.BytesIO(lookouts[0])) as recording:
+        events = [data for *_, data in recording.reader.events(0, 256, kinds={kinds.SENSED})]
+    written = [field for data in events for field in data["new_fields"]]
+    assert len(written) == len(set(written))
+    assert len(written) < sum(np.count_nonzero(data["fields"]) for data in events) / 3
+
+
+def test_a_replay_is_recorded_with_the_same_bytes(lookouts, tmp_path):
+    (tmp_path / "game.ggr").write_bytes(lookouts[0])
+    recordings.verify(tmp_path / "game.ggr")
+    with gamms.create_context(logger_config=QUIET) as ctx, recorder.open(io.BytesIO(lookouts[0])) as recording:
+        stream = io.BytesIO()
+        for record in ctx.record.replay(recording):
+            if record["opCode"] == kinds.SIMULATE and record["timestamp"] == 39 * 10**9:
+                ctx.record.start(stream, sensed=True)
+        ctx.record.close()
+        with recorder.open(io.BytesIO(stream.getvalue())) as again:
+            known = dict(fields_in(recording))
+            copied = [fields for _, fields in fields_in(again)]
+        assert len(copied) == 230
+        for turn, fields in enumerate(copied, 40):
+            assert all(one in (None, known[turn][key]) for key, one in fields.items())
+        assert copied[-1] == known[269]
+
+
+def rewritten(data, *, with_fields):
+    """A recording whose agents stay in the last turn; without fields as it was written before them."""
+    stream = io.BytesIO()
+    with recorder.open(io.BytesIO(data)) as recording:
+        writer = recorder.Writer(stream, recording.reader.header, seconds=None)
+        writer.keyframe(recording.reader.keyframe(0)[1])
+        for turn, log in enumerate(recording.logs(), 1):
+            for at, entry in enumerate(log):
+                if type(entry) is tuple and entry[0] == kinds.SENSED:
+                    left = {key: value for key, value in entry[1].items() if with_fields or "field" not in key}
+                    log[at] = (kinds.SENSED, left)
+            is_last = turn == recording.turns
+            writer.add_turn(
+                [entry for entry in log if not is_last or (type(entry) is tuple and entry[0] == kinds.SENSED)]
+            )
+        writer.close()
+    return stream.getvalue()
+
+
+def test_pages_ask_no_sensor_what_it_covers_and_older_recordings_give_the_same_page(lookouts, monkeypatch):
+    data, old = (rewritten(lookouts[0], with_fields=with_fields) for with_fields in (True, False))
+    assert len(old) < len(data)
+    with recorder.open(io.BytesIO(old)) as recording:
+        expected = web.page(recording)
+    asked = []
+    ask = DetectingSensor.coverage
+    monkeypatch.setattr(DetectingSensor, "coverage", lambda *given: asked.append(given) or ask(*given))
+    with recorder.open(io.BytesIO(data)) as recording:
+        assert web.page(recording) == expected
+    assert asked == []
+    with recorder.open(io.BytesIO(old)) as recording:
+        web.page(recording)
+    assert asked != []
+
+
+ONE = SensorField(2, 10.0, b"\x40")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fields": np.array([3], np.uint8)},
+        {"fields": np.array([1], np.int64)},
+        {"fields": np.array([1, 1], np.uint8)},
+        {"fields": [1]},
+        {"first_field": -1},
+        {"first_field": True},
+        {"first_field": 1.0},
+        {"new_fields": [(2, 10.0)]},
+        {"new_fields": [(2, float("inf"), b"")]},
+        {"new_fields": [(2, float("nan"), b"")]},
+        {"new_fields": [(2, -1.0, b"")]},
+        {"new_fields": [(2, 10, b"")]},
+        {"new_fields": [("2", 10.0, b"")]},
+        {"new_fields": [((1.0, float("nan")), 10.0, b"")]},
+        {"new_fields": [((1.0, 2.0, 3.0), 10.0, b"")]},
+        {"new_fields": [(2, 10.0, "no")]},
+        {"new_fields": 5},
+    ],
+)
+def test_damaged_fields_are_refused(change):
+    data = FieldTable().write([ONE], 0)
+    assert FieldTable().read(data, 1) == [ONE]
+    with pytest.raises((KeyError, ValueError, TypeError)):
+        FieldTable().read({**data, **change}, 1)
+
+
+def test_fields_that_do_not_fit_the_map_are_refused():
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+        assert ONE.nodes(ctx.graph.graph).tolist() == [1, 5]  # of 1, 2 and 5 without 2
+        with pytest.raises(ValueError, match="bits of 3 nodes"):
+            ONE._replace(hidden=b"\x40\x40").nodes(ctx.graph.graph)
+        with pytest.raises(UnknownName):
+            ONE._replace(place=99).nodes(ctx.graph.graph)
+
+
+def test_a_page_of_fields_that_do_not_fit_the_map_is_refused(lookouts):
+    damaged = lookouts[0]
+    stream = io.BytesIO()
+    with recorder.open(io.BytesIO(damaged)) as recording:
+        writer = recorder.Writer(stream, recording.reader.header, seconds=None)
+        writer.keyframe(recording.reader.keyframe(0)[1])
+        log = recording.reader.log(0)
+        at = next(at for at, entry in enumerate(log) if type(entry) is tuple and entry[0] == kinds.SENSED)
+        fields = [(99, 25.0, b"")] * len(log[at][1]["new_fields"])
+        log[at] = kinds.SENSED, {**log[at][1], "new_fields": fields}
+        writer.add_turn(log)
+        writer.close()
+    with (
+        recorder.open(io.BytesIO(stream.getvalue())) as recording,
+        pytest.raises(RecordingError, match="sensed is not right"),
+    ):
+        web.page(recording)

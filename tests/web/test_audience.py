@@ -203,7 +203,8 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
         red = ctx.agent.create_agent("red_0", start_node_id=12, team="red", sensors=["eyes"], strategy=watch, **wings)
         if flies:
             red.position = (20.0, 20.0, 5.0)
-        ctx.agent.create_agent("blue_0", start_node_id=HOME, team="blue", strategy=hide)
+        ctx.sensor.create_sensor("blue eyes", "agent_range", sensor_range=10.0 + hideout)
+        ctx.agent.create_agent("blue_0", start_node_id=HOME, team="blue", strategy=hide, sensors=["blue eyes"])
         ctx.record.start(saved, sensed=True)
         following = Streams(ctx.graph.columns)
         ctx.record.follow(following)
@@ -233,7 +234,9 @@ def play_hiding(errors, hideout, seen_turns, *, flies=False):
     ],
 )
 def test_no_byte_of_a_team_depends_on_places_that_its_eyes_do_not_report(errors, fewest, most, flies):
-    """Streams, cuts and pages of two games are equal, if the games differ only in places that are not reported."""
+    """Streams, cuts and pages of two games are equal, if the games differ only in places that are not reported, and in
+    the nodes that the eyes of others cover.
+    """
     reports = play_hiding(errors, 7, range(TURNS), flies=flies)[-1]
     seen_turns = {turn for turn, seen in reports.items() if "blue_0" in seen}
     assert fewest <= len(seen_turns) <= most

@@ -3,6 +3,7 @@
 Recordings, cuts, streams, pages, pictures in fog and private forks read it from here; none of them decides
 for itself what a team may know.
 
-Read `looks.py` first: the reports of sensors as columns. `sides.py` computes what the agents of a side see and have
-heard. To change who may know something, change `sides.py`. May import: `typing` and below.
+Read `looks.py` first: the reports of sensors as columns. `fields.py` has the nodes that sensors cover. `sides.py`
+computes what the agents of a side see and have heard. To change who may know something, change `sides.py`. May import:
+`typing` and below.
 """

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import GraphColumns
+from gamms.knowledge.fields import FieldTable, SensorField
 from gamms.plain import to_plain
 from gamms.text import shown
 from gamms.typing import AgentType, IGraph
@@ -28,48 +29,59 @@ Nearest = Callable[[Sequence[float]], int]
 
 
 class Look(NamedTuple):
-    """The data of one sensor of an agent."""
+    """The data of one sensor of an agent.
+
+    Attributes:
+        sensor: its name.
+        kind: the name of its SensorType.
+        form: how the data are held.
+        first: node ids, or agent numbers.
+        second: edge ids, or the nodes of the agents.
+        other: any other data.
+        field: the nodes that it covers, if it reports only agents; None: not recorded.
+    """
 
     sensor: str
-    kind: str  # name of a SensorType
+    kind: str
     form: int
-    first: list[int]  # node ids, or agent numbers
-    second: list[int]  # edge ids, or the nodes of the agents
+    first: list[int]
+    second: list[int]
     other: Any
+    field: SensorField | None = None
 
 
-def packed(
+def take_looks(
     results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
-) -> dict[str, Any]:
-    """Encode sensor data as the data of an event.
+) -> Iterator[tuple[int, list[Look]]]:
+    """Yield the numbers of agents, and the looks of their sensors.
 
     Args:
         results: for each agent its number and its sensor data.
         numbers: agent -> number.
         nodes: agent -> its node, or the node below it.
     """
-    return columns_of(
-        (
-            agent,
-            [
-                _look(name, str(getattr(kind, "name", kind)), data, numbers, nodes)
-                for name, (kind, data) in each.items()
-            ],
-        )
-        for agent, each in results
-    )
+    for agent, each in results:
+        of_sensors = [(name, str(getattr(kind, "name", kind)), data) for name, (kind, data) in each.items()]
+        yield agent, [_look(*one, numbers, nodes) for one in of_sensors]
 
 
-def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
-    """Return the data of an event, from agent numbers and looks."""
-    agents, counts, which, forms, sizes, ids, others = [list[Any]() for _ in range(7)]
+def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, turn: int) -> dict[str, Any]:
+    """Return the data of an event.
+
+    Args:
+        observers: agent numbers and looks.
+        fields: the fields that were written before.
+        turn: number of turns before this one.
+    """
+    agents, counts, which, forms, sizes, ids, others, covered = [list[Any]() for _ in range(8)]
     sensors: dict[tuple[str, str], int] = {}
     for agent, own in observers:
         agents.append(agent)
         counts.append(len(own))
-        for sensor, kind, form, first, second, other in own:
+        for sensor, kind, form, first, second, other, field in own:
             which.append(sensors.setdefault((sensor, kind), len(sensors)))
             forms.append(form)
+            covered.append(field)
             sizes.append((len(first), len(second)))
             ids += first
             ids += second
@@ -84,14 +96,22 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
         "sizes": np.array(sizes, np.int64).reshape(-1, 2),
         "ids": np.array(ids, np.int64),
         "others": others,
+        **fields.write(covered, turn),
     }
 
 
-def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[int, Look]]:
+def looks_of(
+    data: Mapping[str, Any], agent: int | None = None, fields: FieldTable | None = None
+) -> list[tuple[int, Look]]:
     """Decode looks, of all agents or of one: its number, and each of its looks.
 
+    Args:
+        data: the data of an event.
+        agent: the number of the agent; None: all.
+        fields: the fields that were read before; None: fields are left out.
+
     Raises:
-        KeyError, ValueError, TypeError, IndexError: not a result of `packed`.
+        KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
     agents, counts, which = (_ints(data[name]) for name in ("agents", "counts", "which"))
     if not len(which) == len(_ints(data["forms"])) == len(_ints(data["sizes"])) == counts.sum() or (counts < 0).any():
@@ -99,6 +119,7 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
     owners = np.repeat(agents, counts)  # at most the number of looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
     others = np.cumsum(np.isin(data["forms"], WITH_OTHER)).tolist()
+    covered = None if fields is None else fields.read(data, len(owners))
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
     found = []
     for row in rows:
@@ -110,7 +131,8 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
         other = data["others"][others[row] - 1] if form in WITH_OTHER else None
         first = data["ids"][begin:middle].tolist()
         second = data["ids"][middle:end].tolist()
-        found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
+        field = None if covered is None else covered[row]
+        found.append((int(owners[row]), Look(sensor, kind, form, first, second, other, field)))
     return found
 
 
@@ -118,11 +140,11 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
     """Return encoded looks with other numbers for the seen agents.
 
     Args:
-        data: result of `packed`.
+        data: result of `columns_of`.
         number_of: number -> new number of the same agent.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: not a result of `packed`.
+        KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
     ids = data["ids"].copy()
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()

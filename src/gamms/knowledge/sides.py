@@ -8,13 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
-from gamms.errors import NotOffered
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_text
-from gamms.typing import IAgent, ISensor
 
 
 def name_side(name: str, team: object) -> str:
@@ -58,25 +55,6 @@ class SideKnowledge(NamedTuple):
 
     nodes: IntArray
     agents: Sequence[str]
-
-
-def find_field(
-    sensor: ISensor, agent: IAgent, on_edges: Mapping[str, tuple[float, float]], columns: GraphColumns
-) -> IntArray:
-    """Return the rows of the nodes that a sensor covers now; empty for sensors that do not report agents.
-
-    Args:
-        sensor: the sensor.
-        agent: the agent that carries it.
-        on_edges: name -> position (x, y) of the agents between nodes.
-        columns: the columns of the map.
-    """
-    place: Any = on_edges.get(agent.name, agent.current_node_id)
-    try:
-        covered = sensor.coverage(place, agent.name).node_ids
-    except NotOffered:
-        return np.zeros(0, np.int64)
-    return kernels.rows_of(columns.node_ids, np.asarray(covered, np.int64), columns.node_order)
 
 
 def find_known(

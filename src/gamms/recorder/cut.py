@@ -19,6 +19,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
 from gamms.knowledge import looks as sensed
+from gamms.knowledge.fields import FieldTable
 from gamms.knowledge.looks import Look, Nearest, Sighting
 from gamms.knowledge.sides import find_receivers, name_side, select_heard
 from gamms.plain import Plain
@@ -87,6 +88,8 @@ class KnowledgeFilter:
         self._in_view: Collection[str] = ()  # other agents seen in the present turn
         self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
         self._turn = 0  # number of the present turn
+        self._whole_fields = FieldTable()  # of the whole recording
+        self._own_fields = FieldTable()  # of this knowledge, with numbers of its own
         self._waiting: list[_Event] | None = None  # the previous turn, until it is returned
         self._happened: list[_Event] = []  # events of the present turn
         self._sighted: dict[str, Sighting] | None = None  # other agents seen in the present turn; None: no sensor data
@@ -127,7 +130,7 @@ class KnowledgeFilter:
         self._sighted = (self._sighted or {}) | self._sightings(looks)
         self._in_view = self._sighted.keys()
         shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
-        report = kinds.SENSED, sensed.renumbered(sensed.columns_of(looks), self._id_of)
+        report = kinds.SENSED, sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of)
         if looks and not self.is_shown:
             yield from self._give(shown, [report])
         else:  # agents of a later part of the turn
@@ -405,7 +408,7 @@ class KnowledgeFilter:
         """Return the looks of the sensors of the own agents, by agent."""
         numbers = [number for number in data["agents"].tolist() if self._names.get(number) in self._own]
         looks: dict[int, list[Look]] = {number: [] for number in numbers}
-        for number, look in sensed.looks_of(data):
+        for number, look in sensed.looks_of(data, fields=self._whole_fields):
             if number in looks:
                 looks[number].append(sensed.as_reported(look, self._nearest, self._names))
         return [(self._id_of(number), each) for number, each in looks.items()]

@@ -17,6 +17,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
 from gamms.knowledge import looks as sensed
+from gamms.knowledge.fields import FieldFinder, FieldTable
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.changes import ContextChanges, DrawingChanges
@@ -129,6 +130,9 @@ class RecordingSession:
         self._pending: Log = []  # declarations of components that the replayed recording may repeat
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
+        self._finder = FieldFinder(ctx)
+        self._fields = FieldTable()  # that are written
+        self._replayed_fields = FieldTable()  # of the recording that is replayed
         self._skipped = SkippedValues(ctx)
         self.world: bytes | None = self._skipped.packed() if has_map else None
         self._skipped.check_all()
@@ -394,9 +398,17 @@ class RecordingSession:
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.ids_of(columns.node), strict=True))
         results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
+        looks = list(sensed.take_looks(results, numbers, nodes))
+        self._finder.note_places()
+        for agent, (_, own) in zip(agents, looks, strict=True):
+            carried = agent.sensors
+            for i, look in enumerate(own):
+                field = self._finder.find(carried.get(look.sensor), agent)
+                if field is not None:
+                    own[i] = look._replace(field=field)
         if self._following is not None and self._following.edits is None:
             self._begin_with_followers()
-        journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
+        journal.log.append((kinds.SENSED, sensed.columns_of(looks, self._fields, self.turn)))
         self._front = len(journal.log)  # later changes of this turn come after the sensor data
         if self._following is not None and self._following.edits is not None:
             self._tell_followers(journal.log, is_over=False)
@@ -457,7 +469,10 @@ class RecordingSession:
                 log.append((kinds.FLYERS_ABOVE, above))
         if self._changes.sensors.are_due:
             place = self._front + len(list(takewhile(_precedes_sensors, log[self._front :])))
-            log[place:place] = self._changes.sensors.detect()
+            changes = self._changes.sensors.detect()
+            log[place:place] = changes
+            if changes:
+                self._finder.forget()
         if self.drawings.edits != self._declarations:
             log += self._visual_changes()
 
@@ -466,12 +481,16 @@ class RecordingSession:
         self._front = len(self.log)
         if kind == kinds.WORLD:
             self._revised = _REVISIONS(self._graph)
+            self._finder.forget()
         elif kind == kinds.VISUALS:
             self._declarations = self.drawings.edits
         elif kind == kinds.VISUAL_COMMANDS:
             self.drawings.changes()
         elif kind == kinds.SENSORS:
             self._changes.sensors.accept()
+            self._finder.forget()
+        elif kind == kinds.SENSED:
+            self.log[-1] = kind, self._fields.rewritten(data, self._replayed_fields, self.turn)
         elif kind == kinds.AGENT_PROGRESS:
             self._journal.progressed.clear()
         else:
@@ -505,6 +524,7 @@ class RecordingSession:
     def _world_changes(self) -> Log:
         """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
         self._revised = _REVISIONS(self._graph)
+        self._finder.forget()
         world = self._skipped.packed()
         if self.world is None:
             self.world = world

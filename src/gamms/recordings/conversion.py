@@ -16,7 +16,8 @@ from gamms.context import Context, create_context
 from gamms.errors import BadValue
 from gamms.folders import whole_file, write_csv
 from gamms.ir import events as kinds
-from gamms.knowledge.looks import packed
+from gamms.knowledge.fields import FieldTable
+from gamms.knowledge.looks import columns_of, take_looks
 from gamms.plain import Plain, as_json, to_plain
 from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder import open as opened
@@ -389,7 +390,8 @@ def with_sensed(recording: Recording) -> Recording:
             nodes = dict(zip(columns["names"], columns["node"].tolist(), strict=True))
             agents = [agent for agent in ctx.agent.create_iter() if agent.alive]
             results = [(numbers[agent.name], agent.get_state()["sensor"]) for agent in agents]
-            writer.add_turn([(kinds.SENSED, packed(results, numbers, nodes)), *reader.log(turn)])
+            looked = columns_of(take_looks(results, numbers, nodes), FieldTable(), turn)
+            writer.add_turn([(kinds.SENSED, looked), *reader.log(turn)])
             for _ in replayer.play_turn(reader):
                 pass
     writer.close()

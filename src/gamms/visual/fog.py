@@ -13,7 +13,8 @@ from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.sides import AgentPlaces, SideLook, find_field, find_known, name_side
+from gamms.knowledge.fields import find_field
+from gamms.knowledge.sides import AgentPlaces, SideLook, find_known, name_side
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR
@@ -148,7 +149,7 @@ class Fog:
         if len(view.nodes) or (len(view.outline) == 0 and sight.sensor.type not in IN_AIR):
             nodes = np.flatnonzero(_at(columns.xy, view.nodes))
         else:
-            field = find_field(sight.sensor, agent, drawing_of(self._ctx).motion.on_edges(), columns)
+            field = find_field(None, sight.sensor, agent, drawing_of(self._ctx).motion.on_edges(), self._ctx.graph)
         return SideLook(agent.name, nodes, field, bool(getattr(sight.sensor, "reports_all", False)), view.names)
 
     def _places(self, columns: GraphColumns) -> AgentPlaces:

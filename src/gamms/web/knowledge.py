@@ -1,7 +1,7 @@
 """The knowledge of agents as pages show it: sensor results, the nodes that teams see, and facts as short texts.
 
-Recordings contain the reports of sensors, but not the nodes that sensors of agents cover: these are computed by the
-sensors of a context that follows the game.
+The nodes that sensors of agents cover are read from the recording. Older recordings lack them: there the sensors of a
+context that follows the game are asked.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -18,8 +18,9 @@ from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
+from gamms.knowledge.fields import FieldTable, find_field, find_places, find_pose
 from gamms.knowledge.looks import Look, as_reported, looks_of, nearest_on, parts_of
-from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_field, find_known, name_side
+from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known, name_side
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.text import as_digits, as_text
@@ -27,7 +28,9 @@ from gamms.typing import IAgent, ISensor
 from gamms.typing.context import HostContext
 
 MOST_SIDES = 20  # with more sides, pages do not show what each side sees
-_MOST_KNOWN = 20_000  # cached fields of view
+# cached fields of view, and their nodes
+_MOST_KNOWN = 20_000
+_MOST_NODES = 1 << 24
 _NONE = np.zeros(0, np.int64)
 _MOST_WORDS = 400
 _MOST_ITEMS = 24
@@ -121,13 +124,16 @@ class KnowledgeTracker:
         self._ctx = ctx
         self._step = step
         self._nearest = nearest_on(ctx.graph.columns)
+        self._fields = FieldTable()
         self._covered: dict[Any, IntArray] = {}
+        self._held = 0  # nodes in it
         self._shapes: dict[Any, FieldOutline | None] = {}
         self._on_edges: Mapping[str, tuple[float, float]] = {}  # the positions of agents between nodes
 
     def forget(self) -> None:
         """Clear the cached fields of view, because sensors or the map have changed."""
         self._covered.clear()
+        self._held = 0
         self._shapes.clear()
 
     def rows(self, of: str, ids: "Sequence[int] | IntArray") -> IntArray:
@@ -148,11 +154,11 @@ class KnowledgeTracker:
             state: the current state of the game.
         """
         names = state.agents.names_by_number()
-        self._on_edges = self._ctx.visual.drawing.motion.on_edges()
+        self._on_edges = find_places(self._ctx)
         nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with reporting_damage("What was sensed is not right", with_type=True):
-            found = list(chain.from_iterable(map(looks_of, looked)))
+            found = list(chain.from_iterable(looks_of(data, fields=self._fields) for data in looked))
             looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
         return SensedTurn(looks, self._sides(looks, state))
 
@@ -168,9 +174,9 @@ class KnowledgeTracker:
         is_rough = has_errors and look.other is not None  # positions in space, which are not those of the agents
         seen = [(other, -1 if now[other] == row and not is_rough else row) for other, row in pairs]
         has_end = isfinite(getattr(sensor, "range", inf))
-        pose = _pose(agent, sensor) if has_end else (None, None)
+        pose = find_pose(sensor, agent) if has_end else (None, None)
         shape = self._shape(agent, sensor, pose) if has_end else None
-        field = self._field(agent, sensor, pose) if has_end else _NONE
+        field = self._field(look, agent, sensor, pose) if has_end else _NONE
         words = None if other is None else words_of(other)
         found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
         reports_all = bool(getattr(sensor, "reports_all", False))
@@ -200,15 +206,16 @@ class KnowledgeTracker:
         corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
         return FieldOutline(is_carried, is_blocked, corners.astype(np.int64).T)
 
-    def _field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
+    def _field(self, look: Look, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
         """Return the rows of the nodes that a sensor of agents covers; empty for other sensors."""
-        on_edge = self._on_edges.get(agent.name)
-        key = sensor.sensor_id, *pose, on_edge
+        key = look.field or (sensor.sensor_id, *pose, self._on_edges.get(agent.name))
         known = self._covered.get(key)
         if known is None:
-            if len(self._covered) >= _MOST_KNOWN:
+            known = find_field(look.field, sensor, agent, self._on_edges, self._ctx.graph)
+            self._held += len(known)
+            if len(self._covered) >= _MOST_KNOWN or self._held > _MOST_NODES:
                 self._covered.clear()
-            known = find_field(sensor, agent, self._on_edges, self._ctx.graph.columns())
+                self._held = len(known)
             self._covered[key] = known
         return known
 
@@ -240,17 +247,6 @@ def _as_side_look(look: SensorLook) -> SideLook:
 def sides_in(columns: Mapping[str, Any]) -> list[str]:
     """Return the name of the side of each agent."""
     return list(map(name_side, columns["names"], columns["teams"]))
-
-
-def _pose(agent: IAgent, sensor: ISensor) -> tuple[Any, Any]:
-    """Return the node or position of a sensor, and the values that change its outline: height and direction."""
-    if getattr(sensor, "at", None) is not None:
-        return (0.0, 0.0), None
-    if "AERIAL" in sensor.type.name:
-        position = tuple(agent.position)
-        return position, (position[2], tuple(agent.quat))
-    turns = getattr(sensor, "turns_with_agent", False)
-    return agent.current_node_id, tuple(agent.orientation) if turns else None
 
 
 # -- facts in words -----------------------------------------------------------------------------------------------
