@@ -37,7 +37,8 @@ from gamms.osm.network import (
     network_of_segments,
     segments_of,
 )
-from gamms.osm.osmium_reader import read_ways
+from gamms.osm.osmium_reader import MapFile
+from gamms.osm.reader import read_ways
 from gamms.osm.topology import degrees, simplify
 
 OUT = Path(__file__).parents[1] / "src" / "gamms" / "data" / "districts"
@@ -105,7 +106,7 @@ def read_city(city: City, archives: Path) -> RoadNetwork:
             ways = read_lines(file, lambda _: None)
             is_open = np.array([WALK({key: str(value) for key, value in of.items()}) is not None for of in ways.tags])
         else:
-            ways = read_ways(file, lambda _: None, rule_of(WALK))
+            ways = read_ways(MapFile(file), lambda _: None, rule_of(WALK))
             is_open = np.ones(len(ways.tags), np.bool_)
     segments = segments_of(ways)
     kept = is_open[segments.ways]

@@ -36,7 +36,8 @@ from gamms.osm.network import (
     segments_of,
     ways_back,
 )
-from gamms.osm.osmium_reader import read_footprints, read_ways
+from gamms.osm.osmium_reader import MapFile
+from gamms.osm.reader import read_footprints, read_ways
 from gamms.osm.topology import consolidate, simplify
 from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
 
@@ -84,7 +85,7 @@ def shipped_extract() -> Path:
 
 def cut(pbf: Path) -> RoadNetwork:
     """The simplified network of the largest connected part inside the box."""
-    ways = inside_box(read_ways(pbf, lambda _: None))
+    ways = inside_box(read_ways(MapFile(pbf), lambda _: None))
     roads = outdoors(segments_of(ways), ways)
     return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
 
@@ -98,7 +99,7 @@ def save_modes(pbf: Path, out: Path) -> None:
         lambda tags: tags.get("highway") not in NOT_OUTDOORS,
         (WEST, SOUTH, EAST, NORTH),
     )
-    network = consolidate(simplify(read_network(pbf, lambda _: None, selection)), recipe.tolerance)
+    network = consolidate(simplify(read_network(pbf, lambda _: None, selection, is_geojson=False)), recipe.tolerance)
     with gamms.create_context() as ctx:
         ctx.graph.attach_networkx_graph(to_road_graph(rounded(network)))
         ctx.graph.save(out)
@@ -108,7 +109,7 @@ def save_modes(pbf: Path, out: Path) -> None:
 
 def walls(pbf: Path, crs: str) -> WallFaces:
     """The walls of all buildings with their centre in the box, rounded like the roads."""
-    outlines = read_footprints(pbf, WallRules({"building": True}, wall_estimates()))
+    outlines = read_footprints(MapFile(pbf), WallRules({"building": True}, wall_estimates()))
     shapes = footprints_of(outlines)
     centers = shapely.get_coordinates(shapely.point_on_surface(shapely.make_valid(shapes)))
     west_south, east_north = (WEST, SOUTH), (EAST, NORTH)

@@ -10,7 +10,7 @@ import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
 from gamms.ir import projection
-from gamms.osm import graph_from_file, graph_from_xml, obstacle_from_file, osmium_reader
+from gamms.osm import graph_from_file, graph_from_xml, obstacle_from_file, reader
 
 ROAD = {"highway": "residential"}
 ROAD_AND_HOUSE = ([1, 2, 3], ROAD), ([1, 2, 4, 1], {"building": "house"})
@@ -160,7 +160,7 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
 
 @pytest.mark.parametrize("read", [graph_from_xml, graph_from_file, obstacle_from_file])
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch, read):
-    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 26)
+    monkeypatch.setattr(reader, "_BYTES_PER_POINT", 1 << 26)
     with pytest.raises(TooLarge, match="honest files of its size"):
         read(make_map(cross, *ROAD_AND_HOUSE))
 

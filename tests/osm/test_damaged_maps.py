@@ -22,7 +22,7 @@ from gamms.osm import (
     report,
     scenery_from_file,
 )
-from gamms.osm.survey import pbf_has_repeats
+from gamms.osm.osmium_reader import pbf_has_repeats
 
 MODES = [None, *gamms.osm.modes()]
 ROAD = {"highway": "residential"}

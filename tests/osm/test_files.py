@@ -12,8 +12,7 @@ import pytest
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import OSMType, graph_from_file, graph_from_xml
 from gamms.osm.network import CLOSED_TO
-from gamms.osm.osmium_reader import file_format
-from gamms.osm.survey import unpacked_size_of_pbf
+from gamms.osm.osmium_reader import file_format, unpacked_size_of_pbf
 
 ROAD = {"highway": "residential"}
 NO_CUT = 1e6

@@ -5,7 +5,7 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, TooLarge
-from gamms.osm import graph_from_file, graph_from_geojson, graph_from_xml, osmium_reader
+from gamms.osm import graph_from_file, graph_from_geojson, graph_from_xml, reader
 from gamms.scenario import load
 
 NODES = {1: (60.170, 24.940), 2: (60.170, 24.941), 3: (60.170, 24.942), 4: (60.1705, 24.941), 5: (60.170, 24.9405)}
@@ -105,7 +105,7 @@ def test_an_unknown_option_is_refused(town):
 
 
 def test_nodes_with_tags_have_to_fit_into_memory(town, monkeypatch):
-    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 23)
+    monkeypatch.setattr(reader, "_BYTES_PER_POINT", 1 << 23)
     lamps = {id: {"highway": "street_lamp"} for id in NODES}
     assert len(graph_from_file(town(marks={})))
     with pytest.raises(TooLarge, match="honest files"):

@@ -27,8 +27,9 @@ from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimat
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
 from gamms.osm.footprints import HeightEstimates, TagFilter, WallProfile
 from gamms.osm.network import OsmRoads, RoadSegments, largest_part, segments_of
-from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
+from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.reader import read_barriers, read_footprints, read_ways
 from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
 from gamms.text import shown
 
@@ -97,12 +98,12 @@ def obstacle_from_file(
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
     heights = as_elevation(more.get("elevation"))
     plane = _plane(crs, heights, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
-    file = as_file(filepath)
-    outlines = read_footprints(file, rules)
-    fences = read_barriers(file, rules)
+    source = MapFile(as_file(filepath))
+    outlines = read_footprints(source, rules)
+    fences = read_barriers(source, rules)
     if not len(outlines.owners) and not len(fences.owners):
         return iter(())
-    roads = read_ways(file, lambda _: None)
+    roads = read_ways(source, lambda _: None)
     shapes = np.concatenate((footprints.footprints_of(outlines), footprints.lines_of(fences)))
     to_metres, ground = plane(np.concatenate((outlines.lonlat, fences.lonlat)))
     walls = [*outlines.about, *(fences.about[row] for row in fences.owners.tolist())]

@@ -53,7 +53,8 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
 from gamms.osm.objects import number_of, plain_tags
-from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.osmium_reader import MapFile, as_file
+from gamms.osm.reader import read_ways
 from gamms.osm.speeds import speed_kph
 from gamms.osm.topology import chains_of, consolidate, degrees, simplify
 from gamms.osm.turns import RestrictionCounts, count_restrictions
@@ -432,7 +433,8 @@ def _source_network(source: Source, selection: RoadSelection) -> RoadNetwork:
     if not isinstance(source, (str, os.PathLike)):
         return network_in_metres(source)
     with progress() as show:
-        return read_network(as_file(source), show, selection)
+        file = as_file(source)
+        return read_network(file, show, selection, is_geojson=is_geojson(file))
 
 
 def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
@@ -460,10 +462,11 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional, "ignored": ignored}, False
 
     with progress() as show:
-        ways = read_ways(as_file(source), show, rule, areas=selection.areas, keys=selection.keys)
+        map_file = MapFile(as_file(source))
+        ways = read_ways(map_file, show, rule, areas=selection.areas, keys=selection.keys)
         is_open = set[tuple[int, int, int]]()
         for one in parts:
-            open_ways = read_ways(as_file(source), show, one.rule, areas=one.areas, keys=one.keys)
+            open_ways = read_ways(map_file, show, one.rule, areas=one.areas, keys=one.keys)
             is_open |= {*_pieces_of_ways(open_ways)}
         signs = max(count_restrictions(ways.signs, one.vehicles) for one in parts)
     pieces = segments_of(ways)

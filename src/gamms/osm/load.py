@@ -29,7 +29,7 @@ from gamms.ir.projection import check_metres, crs_of, scale_fault
 from gamms.osm import topology
 from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
-from gamms.osm.geojson import is_geojson, read_lines
+from gamms.osm.geojson import read_lines
 from gamms.osm.mode_union import ModeRoads, choose_modes, open_both_ways, unite
 from gamms.osm.modes import (
     Mode,
@@ -78,7 +78,8 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.objects import as_tags
-from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.osmium_reader import MapFile, as_file
+from gamms.osm.reader import read_ways
 from gamms.osm.topology import resample
 from gamms.osm.turns import restrictions_of
 from gamms.progress import Show, progress
@@ -92,7 +93,6 @@ if TYPE_CHECKING:
     from gamms.osm.footprints import BuildingIndex
 
 FilePath = str | os.PathLike[str]
-_Reader = Callable[[Path, Show, Rule | None, Sequence[str]], OsmRoads]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
@@ -221,7 +221,7 @@ def graph_from_xml(
         MissingExtra: osmium is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)._replace(every_way=True)
-    return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
+    return _graph(filepath, recipe, selection_of(recipe, None))
 
 
 @for_a_graph
@@ -272,7 +272,7 @@ def graph_from_file(
     selection = part_of(selection_of(recipe, mode, tags), more.get("filter"), more.get("clip"))
     area = "" if selection.clip is None else json.dumps(selection.clip.__geo_interface__)
     recipe = recipe._replace(clip=area, filter=filter_in_words(more.get("filter")))
-    return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
+    return _graph(filepath, recipe, selection, as_ground(more.get("elevation"), mode))
 
 
 def part_of(selection: RoadSelection, given: "WayFilter | None", clip: object) -> RoadSelection:
@@ -370,9 +370,8 @@ def graph_from_geojson(
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     if (metres := as_range(snap, "snap")) > _WIDEST_JUNCTION_M:
         raise BadValue(f"snap must be at most {_WIDEST_JUNCTION_M:g} meters, not {metres}.")
-    return _graph(
-        filepath, recipe, read_lines, selection_of(recipe, None)._replace(snap=metres), as_ground(elevation, None)
-    )
+    selection = selection_of(recipe, None)._replace(snap=metres)
+    return _graph(filepath, recipe, selection, as_ground(elevation, None), is_geojson=True)
 
 
 def process_osm_graph(
@@ -472,14 +471,15 @@ def as_ground(elevation: "ElevationPath | Elevation | None", mode: Travel | None
 def _graph(
     filepath: FilePath,
     recipe: GraphRecipe,
-    read: _Reader,
     selection: RoadSelection,
     ground: ElevationSource | None = None,
+    *,
+    is_geojson: bool = False,
 ) -> "nx.DiGraph[int]":
     file = as_file(filepath)
     # osmium reports nothing while it reads its first nodes; if that takes a second, show the progress before.
     with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
-        network = read_network(file, show, selection, read)
+        network = read_network(file, show, selection, is_geojson=is_geojson)
         show(f"Joining {len(network.sources)} roads")
         network = topology.simplify(network) if recipe.simplify else network
         return cut(topology.consolidate(network, recipe.tolerance), recipe, show, ground)
@@ -553,10 +553,8 @@ def _tolerance(tolerance: float) -> float:
     return number
 
 
-def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader | None = None) -> RoadNetwork:
-    """Read the roads of a file, one per pair of consecutive vertices, in UTM meters.
-
-    `read` reads files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
+def read_network(file: Path, show: Show, selection: RoadSelection, *, is_geojson: bool) -> RoadNetwork:
+    """Read the roads of a file of OpenStreetMap or GeoJSON, one per pair of consecutive vertices, in UTM meters.
 
     Raises:
         BadFile: the file is not usable, or has no roads of this selection.
@@ -564,10 +562,10 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
     """
     if selection.of_modes:
         return _read_modes(file, show, selection)
-    if read is read_lines or (read is None and is_geojson(file)):
+    if is_geojson:
         ways = read_lines(file, show, snap=selection.snap)
     else:
-        ways = _read_with_squares(file, show, selection)
+        ways = _read_with_squares(MapFile(file), show, selection)
     segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(f"{str(file)!r} {_why_no_roads(ways, selection)}")
@@ -593,11 +591,11 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
 
 
 def _read_with_squares(
-    file: Path, show: Show, selection: RoadSelection, buildings: "BuildingIndex | None" = None
+    source: MapFile, show: Show, selection: RoadSelection, buildings: "BuildingIndex | None" = None
 ) -> OsmRoads:
-    """Read the ways of a file, and add the lines across squares; `buildings` are those of the file, if known."""
+    """Read the ways of a map, and add the lines across squares; `buildings` are those of the map, if known."""
     ways = read_ways(
-        *(file, show, selection.rule, selection.tags),
+        *(source, show, selection.rule, selection.tags),
         areas=selection.areas,
         stops=selection.stops,
         clip=selection.clip,
@@ -615,9 +613,10 @@ def _read_modes(file: Path, show: Show, selection: RoadSelection) -> RoadNetwork
 
     Raises: as `read_network`.
     """
+    source = MapFile(file)
     parts = list[ModeRoads]()
     for one in selection.of_modes:
-        ways = _read_with_squares(file, show, one, parts[0].ways.buildings if parts else None)
+        ways = _read_with_squares(source, show, one, parts[0].ways.buildings if parts else None)
         segments = segments_of(ways)
         if not len(segments.sources):
             raise BadFile(f"{str(file)!r} {_why_no_roads(ways, one)}")

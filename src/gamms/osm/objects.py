@@ -29,6 +29,38 @@ _NO_VERSION = -1  # of an object that is deleted
 _KEEP_ONE = "Keep the one that is right"
 
 
+NODE = "n"
+WAY = "w"
+RELATION = "r"
+
+Member = tuple[str, int, str]
+"""A member of a relation: its kind, id and role."""
+
+
+Wanted = Callable[[str, Mapping[str, str]], bool]
+"""From the kind and tags of an element to whether its nodes or members shall be read."""
+
+
+class MapElement(NamedTuple):
+    """A node, way or relation of a map.
+
+    Attributes:
+        kind: `NODE`, `WAY` or `RELATION`.
+        id: its id in OpenStreetMap.
+        tags: its tags.
+        refs: the ids of the nodes of a way.
+        places: the places of these nodes, in units of 1e-7 degrees; empty if the source does not know them.
+        members: the members of a relation.
+    """
+
+    kind: str
+    id: int
+    tags: dict[str, str]
+    refs: Sequence[int] = ()
+    places: Sequence[tuple[int, int]] = ()
+    members: Sequence[Member] = ()
+
+
 class ObjectIds:
     """The ids of all objects of a map, to tell whether it gives one several times."""
 
@@ -158,10 +190,6 @@ class _WayPieces:
         self._lines.update(directions)
         self._stretches |= stretches
         return True
-
-
-Member = tuple[str, int, str]
-"""A member of a relation: its kind, id and role."""
 
 
 def check_members(id: int, members: Sequence[Member], known: Sequence[Member]) -> None:

@@ -1,64 +1,38 @@
-"""Read OpenStreetMap files with osmium, in any format and order of their parts; refuse decompression bombs.
+"""Open OpenStreetMap files with osmium, in any format and order of their parts; refuse decompression bombs.
 
 `objects.py` says which objects of a file count. Before osmium reads a file, one look finds out whether it has objects
-that are deleted or given several times (`survey.py`); only then all its objects are compared.
+that are deleted or given several times; only then all its objects are compared. For this look, blocks of PBF are
+unpacked and XML is searched as text; neither is checked, because osmium does that. Editors mark objects as deleted in a
+way of their own, and Overpass adds elements: such XML is rewritten. Files of edits instead of a map, and answers that a
+server broke off, are refused.
 """
 
 import bz2
 import gzip
+import re
 import zlib
 from array import array
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import IO, TYPE_CHECKING, NamedTuple, TypeAlias, cast
 from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError
-from gamms.ir.geometry import are_inside, bounds_by_side
-from gamms.ir.graph import FloatArray
-from gamms.ir.projection import unrolled
-from gamms.limits import MemoryBudget, refuse_above
-from gamms.osm.areas import open_squares, rims_of, with_areas
-from gamms.osm.footprints import (
-    RING_ROLES,
-    BuildingIndex,
-    Outlines,
-    Shapes,
-    WallRules,
-    footprints_of,
-    is_in_the_way,
-    known_parts,
-    outlines_of_ways,
-    rows_around,
-)
-from gamms.osm.network import ROADS, OsmRoads, Rule, Stops, classic_rule
-from gamms.osm.objects import (
-    Member,
-    ObjectVersions,
-    WayRules,
-    check_members,
-    is_one_way_street,
-    node_keys,
-    node_tags,
-    nodes_at_two_places,
-)
-from gamms.osm.survey import CHUNK, pbf_has_repeats, rewritten_xml, survey_xml, unpacked_size_of_pbf
-from gamms.osm.turns import TurnRelation, is_restriction
+from gamms.ir.graph import IntArray
+from gamms.limits import MemoryBudget
+from gamms.osm.objects import NODE, RELATION, WAY, MapElement, ObjectIds, ObjectVersions, Wanted, nodes_at_two_places
 from gamms.plugins import needing
-from gamms.progress import Show
 from gamms.text import shown
 
 if TYPE_CHECKING:
     from osmium import FileProcessor, io, osm
-    from shapely import MultiPolygon, Polygon
 
 _MapObject: TypeAlias = "osm.Node | osm.Way | osm.Relation"
-_NODE = "n"  # osmium's name of the kind
 _MEMORY_PER_XML = 5  # bytes that osmium takes at most for one of XML; map data shrinks 10 to 30 times
 _MEMORY_PER_PBF = 16  # … for one of PBF, where a reference to a node may take one; it shrinks 2 to 5 times
 WAY_OUT = (
@@ -74,6 +48,7 @@ _OTHERS = {  # first bytes -> what the file is, and the way out
     b"\x28\xb5\x2f\xfd": "is packed by zstd. Unpack it",
     b"{": "is in JSON. Ask Overpass for XML ([out:xml]), or give a file of GeoJSON to graph_from_geojson",
 }
+_MOST_ID = 1 << 40  # greater ids are not of OpenStreetMap
 
 
 def as_file(path: object) -> Path:
@@ -146,31 +121,20 @@ def _text_of(file: Path, format: str) -> Iterator[bytes]:
     cost = 0 if format == "osm" else _MEMORY_PER_XML  # a file that is not packed is as large as it is
     try:
         with _opened(file, format) as stream:
-            while chunk := stream.read(CHUNK):
+            while chunk := stream.read(_CHUNK):
                 allowance.charge(cost * len(chunk))
-                if len(chunk) == CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
-                    raise BadFile(f"{str(file)!r} is damaged: it has a tag of more than {CHUNK} bytes.")
+                if len(chunk) == _CHUNK and b">" not in chunk:  # a single tag, which a parser has to keep
+                    raise BadFile(f"{str(file)!r} is damaged: it has a tag of more than {_CHUNK} bytes.")
                 yield chunk
     except (EOFError, OSError, zlib.error) as error:
         raise BadFile(f"{str(file)!r} is damaged: {error}. Download it again.") from error
 
 
-_DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
-_NOWHERE = 2**31 - 1
-_BYTES_PER_POINT = 1_000  # of memory, from the file to the graph
-_MOST_NODES = 2000  # of a way, the limit of OpenStreetMap; far longer outlines take minutes to repair
-_BYTES_PER_CORNER = 100  # of a building of which only the outline is kept
-_SHOW_EVERY = 4096  # ways
-_MOST_ID = 1 << 40  # greater ids are not of OpenStreetMap
-
-
-class MapSource:
-    """A map file for osmium to open, with the objects in it that count.
+class MapFile:
+    """A map file as the elements in it that count, read with osmium.
 
     Attributes:
-        file: the file.
-        opened: the file, or its text rewritten.
-        has_repeats: whether objects may be deleted or given several times.
+        name: the name of the file.
         unclear: ids of nodes that are at two places.
 
     Raises:
@@ -182,23 +146,80 @@ class MapSource:
     def __init__(self, file: Path) -> None:
         with needing("Reading OpenStreetMap files", "osm"):
             import osmium
-        self.file = file
+        self.name = file.name
+        self._file = file
         format = file_format(file)
-        self.opened: io.File | io.FileBuffer = osmium.io.File(str(file), format)
+        self._opened: io.File | io.FileBuffer = osmium.io.File(str(file), format)
         if format == "pbf":
-            self.has_repeats = pbf_has_repeats(file)
+            self._has_repeats = pbf_has_repeats(file)
         else:
             found = survey_xml(_text_of(file, format))
-            self.has_repeats = found.has_repeats
+            self._has_repeats = found.has_repeats
             if found.is_foreign:
-                self.opened = osmium.io.FileBuffer(_as_osmium_reads(file, format), "osm")
+                self._opened = osmium.io.FileBuffer(_as_osmium_reads(file, format), "osm")
         self._versions: dict[str, ObjectVersions] = {}
         self.unclear = frozenset[int]()
-        if self.has_repeats:
-            with _errors_of(file):
+        if self._has_repeats:
+            with self.reading():
                 self._compare()
 
-    def counting(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
+    def budget(self) -> MemoryBudget:
+        """Return the memory that reading may take; it is released before the next processing step."""
+        return allowance_of(self._file)
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Turn osmium's errors into a `BadFile` with the name of the file and advice."""
+        from osmium import InvalidLocationError
+
+        try:
+            yield
+        except GammsError:
+            raise
+        except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
+            raise BadFile(f"{str(self._file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
+
+    def elements(
+        self,
+        keys: Mapping[str, Collection[str]],
+        ids: Collection[int] = (),
+        *,
+        has_places: bool = False,
+        wanted: Wanted | None = None,
+    ) -> Iterator[MapElement]:
+        """Yield the elements that are asked for; see `MapSource`."""
+        from osmium import FileProcessor, osm
+        from osmium.filter import EmptyTagFilter, EntityFilter, IdFilter, KeyFilter
+
+        bits = {NODE: osm.NODE, WAY: osm.WAY, RELATION: osm.RELATION}
+        kinds = osm.WAY if ids else osm.NOTHING
+        for kind in keys:
+            kinds |= bits[kind]
+        # Places take memory for all nodes of the file; osmium does not know which one of several counts.
+        has_places = has_places and not self._has_repeats
+        objects = FileProcessor(self._opened, kinds | osm.NODE if has_places else kinds)
+        objects = objects.with_locations() if has_places else objects
+        objects = objects.with_filter(EntityFilter(kinds))
+        for kind, names in keys.items():
+            by_keys = KeyFilter(*names) if names else EmptyTagFilter()
+            by_keys.enable_for(bits[kind])
+            objects = objects.with_filter(by_keys)
+        if ids and min(ids) >= 0 and max(ids) < _MOST_ID:  # osmium's filter takes no others
+            objects = objects.with_filter(IdFilter(ids))
+        for one in self._counting(objects):
+            tags = {tag.k: tag.v for tag in one.tags}
+            if (not ids or one.id in ids) and (wanted is None or wanted(one.type_str(), tags)):
+                yield _as_element(one, tags, has_places=has_places)
+
+    def nodes(self) -> Iterator[tuple[int, int, int]]:
+        """Yield all nodes; see `MapSource`."""
+        from osmium import FileProcessor, osm
+
+        for one in self._counting(FileProcessor(self._opened, osm.NODE)):
+            place = cast("osm.Node", one).location
+            yield one.id, place.x, place.y
+
+    def _counting(self, objects: "FileProcessor") -> "Iterator[_MapObject]":
         """Yield the objects that are not deleted, in the version that counts."""
         for one in cast("Iterator[_MapObject]", iter(objects)):
             is_last = not self._versions or self._versions[one.type_str()].counts(one.id, one.version)
@@ -212,7 +233,7 @@ class MapSource:
         columns: dict[str, tuple[array[int], array[int], array[int]]] = {}
         x = array("q")
         y = array("q")
-        every = FileProcessor(self.opened, osm.NODE | osm.WAY | osm.RELATION)
+        every = FileProcessor(self._opened, osm.NODE | osm.WAY | osm.RELATION)
         for one in cast("Iterator[_MapObject]", iter(every)):
             ids, versions, deleted = columns.setdefault(one.type_str(), (array("q"), array("q"), array("q")))
             ids.append(one.id)
@@ -225,10 +246,21 @@ class MapSource:
         for kind, given in columns.items():
             numbers, versions_of, are_deleted = (np.array(one, np.int64) for one in given)
             self._versions[kind] = ObjectVersions(numbers, versions_of, are_deleted.astype(np.bool_))
-            if kind == _NODE:
+            if kind == NODE:
                 rows = self._versions[kind].are_counting(numbers, versions_of)
                 places = np.column_stack((np.array(x, np.int64), np.array(y, np.int64)))
                 self.unclear = nodes_at_two_places(numbers[rows], places[rows])
+
+
+def _as_element(one: "_MapObject", tags: dict[str, str], *, has_places: bool) -> MapElement:
+    if one.is_node():
+        return MapElement(NODE, one.id, tags)
+    if one.is_relation():
+        members = [(part.type, part.ref, part.role) for part in cast("osm.Relation", one).members]
+        return MapElement(RELATION, one.id, tags, members=members)
+    nodes = list(cast("osm.Way", one).nodes)
+    places = [(node.location.x, node.location.y) for node in nodes] if has_places else ()
+    return MapElement(WAY, one.id, tags, [node.ref for node in nodes], places)
 
 
 def _as_osmium_reads(file: Path, format: str) -> bytes:
@@ -248,444 +280,361 @@ def _as_osmium_reads(file: Path, format: str) -> bytes:
         raise BadFile(f"{str(file)!r} cannot be used: {error}. {WAY_OUT}") from None
 
 
-class _WayVertices:
-    """The vertices of ways while they are being read, each piece of a way once.
+# -- the look through a file -------------------------------------------------------------------------------------
 
-    Args:
-        source: the map.
-        bytes_per_point: of memory, from the file to the result; None: that of roads.
+_CHUNK = 1 << 20  # bytes; no tag is longer
+_VERSION = "0.6"
+_OBJECTS = ("node", "way", "relation")
+_PARTS = ("nd", "tag", "member")  # of objects
+_EDITS = ("osmChange", "create", "modify", "delete", "action")  # elements of files that hold edits
+_ATTRIBUTES = ("id", "version", "visible", "lat", "lon")  # of objects, that matter to a map
+_BYTES_PER_PLACE = 400  # of memory
+_MOST_TEXT = 200  # characters of a server's remark in an error
+_FOREIGN_AT_FIRST = re.compile(rb"<(?!(?:osm|bounds|note|meta)[\s/>])[A-Za-z]")
+_FOREIGN = re.compile(rb"<(?!(?:node|way|relation|nd|tag|member)[\s/>])[A-Za-z]")
+_OBJECT = re.compile(rb"<(?:node|way|relation)[\s/>]")
+_ROOT = re.compile(rb"<osm(?=[\s>])[^<>]*>")
+_KNOWN_ROOT = re.compile(rb"\sversion\s*=\s*[\"']0\.6[\"']")
+_DELETED = re.compile(rb"\s(?:(action)\s*=\s*[\"']delete|visible\s*=\s*[\"']false)")
+_IDS = {kind: re.compile(rb"<%b\s[^<>]*?\bid\s*=\s*[\"'](-?\d{1,18})[\"']" % kind.encode()) for kind in _OBJECTS}
+
+
+class XmlSurvey(NamedTuple):
+    """The peculiarities of a file.
+
+    Attributes:
+        is_foreign: osmium would refuse or misunderstand it; `rewritten_xml` does not.
+        has_repeats: it may have objects that are deleted or given several times.
     """
 
-    def __init__(self, source: MapSource, bytes_per_point: int | None = None) -> None:
-        self.source = source
-        self.allowance = allowance_of(source.file)
-        self.bytes_per_point = bytes_per_point or _BYTES_PER_POINT
-        self.offsets = array("q", (0,))
-        self.refs = array("q")
-        self.x = array("q")
-        self.y = array("q")
-        self.ids = array("q")
-        self.one_way = array("b")
-        self.rows_of: dict[int, list[int]] = {}  # way id -> rows
-        self.rules = WayRules(self._first, source.unclear)
+    is_foreign: bool
+    has_repeats: bool
 
-    def add(self, way: "osm.Way", tags: Mapping[str, str], clip: "_ClippedNodes | None" = None) -> bool:
-        """Add a way with these tags, if it counts by the rules of `objects.py`; return whether it does.
 
-        Raises:
-            ValueError: the way contradicts an earlier one.
-        """
-        nodes = list(way.nodes)
-        self.allowance.charge(self.bytes_per_point * len(nodes))
-        refs = [node.ref for node in nodes]
-        if not self.rules.take(way.id, refs, tags):
-            return False
-        self.rows_of.setdefault(way.id, []).append(len(self.ids))
-        self.one_way.append(is_one_way_street(tags))
-        self.ids.append(way.id)
-        self.refs.extend(refs)
-        if clip is None:
-            places = [node.location for node in nodes]
-            self.x.extend([place.x for place in places])
-            self.y.extend([place.y for place in places])
-        else:
-            found = [clip.place_of.get(ref, _OUTSIDE) for ref in refs]
-            self.x.extend([x for x, _ in found])
-            self.y.extend([y for _, y in found])
-        self.offsets.append(len(self.refs))
-        return True
+def survey_xml(chunks: Iterable[bytes]) -> XmlSurvey:
+    """Look through the text of a file once. Text that only looks peculiar, such as in a comment, counts, too."""
+    ids = ObjectIds()
+    is_foreign = False
+    is_special = False
+    root: bytes | None = None
+    is_in_head = True
+    for chunk in _whole_tags(chunks):
+        if root is None and (found := _ROOT.search(chunk)):
+            root = found[0]
+            is_foreign = is_foreign or not _KNOWN_ROOT.search(root)
+        if b"delete" in chunk or b"false" in chunk:
+            marks = {one[1] for one in _DELETED.finditer(chunk)}
+            is_special = is_special or bool(marks)
+            is_foreign = is_foreign or b"action" in marks
+        head = 0
+        if is_in_head:
+            found = _OBJECT.search(chunk)
+            head = found.start() if found else len(chunk)
+            is_in_head = found is None
+        has_others = _FOREIGN_AT_FIRST.search(chunk, 0, head) or _FOREIGN.search(chunk, head)
+        places = chunk.count(b" lat=") - chunk.count(b"<node")
+        is_foreign = is_foreign or places > 0 or has_others is not None
+        for kind, pattern in _IDS.items():
+            numbers = pattern.findall(chunk)
+            is_special = is_special or len(numbers) != chunk.count(b"<" + kind.encode())
+            ids.add(kind, np.array([*map(int, numbers)], np.int64))
+    return XmlSurvey(is_foreign, is_special or ids.has_repeats())
 
-    def _first(self, id: int) -> tuple[Sequence[int], bool] | None:
-        """Return the nodes of the first way with an id, and whether it is one-way."""
-        if id not in self.rows_of:
-            return None
-        row = self.rows_of[id][0]
-        return self.refs[self.offsets[row] : self.offsets[row + 1]], bool(self.one_way[row])
 
-    def complete(self, report: Callable[[int], None]) -> None:
-        """Find the nodes that osmium itself does not find.
+def _whole_tags(chunks: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield the text of a file in chunks that end between tags."""
+    rest = b""
+    for chunk in chunks:
+        text = rest + chunk
+        cut = text.rfind(b"<")
+        is_whole = cut < 0 or b">" in text[cut:]
+        cut = len(text) if is_whole else cut
+        rest = text[cut:]
+        yield text[:cut]
+    yield rest
 
-        These are nodes after their way, nodes with negative ids, and all nodes of a file with repeats.
-        """
-        from osmium import FileProcessor, osm
 
-        missing = {ref for ref, x in zip(self.refs, self.x, strict=True) if x == _NOWHERE}
-        if not missing:
+def rewritten_xml(chunks: Iterable[bytes], charge: Callable[[int], None]) -> bytes:
+    """Return the map in a file as osmium reads it.
+
+    Objects that an editor has deleted are marked as OpenStreetMap marks them. A node whose place is given only in its
+    ways becomes a node of the map. Elements that are no part of a map are left out.
+
+    Args:
+        chunks: the text.
+        charge: counts the bytes of memory.
+
+    Raises:
+        ValueError: the file holds edits, is incomplete, or of another version.
+        expat.ExpatError: it is no XML.
+    """
+    rewriter = _Rewriter(charge)
+    for chunk in chunks:
+        rewriter.parser.Parse(chunk, False)
+    rewriter.parser.Parse(b"", True)
+    return rewriter.text()
+
+
+class _Rewriter:
+    """Writes a map while a parser reads it.
+
+    Args:
+        charge: counts the bytes of memory.
+    """
+
+    def __init__(self, charge: Callable[[int], None]) -> None:
+        self._charge = charge
+        self._out: list[str] = [f'<osm version="{_VERSION}">']
+        self._path: list[str] = []  # names of the open elements
+        self._remark = ""
+        self._nodes: set[str] = set()
+        self._placed: dict[str, tuple[str, str]] = {}  # id of a node -> latitude and longitude
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._read_text
+        self.parser.EntityDeclHandler = _refuse_entity
+
+    def text(self) -> bytes:
+        """Return the whole map."""
+        for ref, (lat, lon) in self._placed.items():
+            if ref not in self._nodes:
+                self._write(_tag("node", {"id": ref, "lat": lat, "lon": lon}) + "</node>")
+        return "".join([*self._out, "</osm>"]).encode()
+
+    def _write(self, text: str) -> None:
+        self._charge(2 * len(text))
+        self._out.append(text)
+
+    def _start(self, name: str, given: dict[str, str]) -> None:
+        depth = len(self._path)
+        self._path.append(name)
+        if depth == 0:
+            _check_root(name, given)
+        elif depth == 1:
+            self._start_object(name, given)
+        elif depth == 2 and name in _PARTS and self._path[1] in _OBJECTS:
+            self._write_part(name, given)
+
+    def _start_object(self, name: str, given: dict[str, str]) -> None:
+        if name in _EDITS:
+            raise ValueError(_edits(name))
+        if name not in _OBJECTS:
             return
-        report(len(missing))
-        nodes: Iterator[Any] = self.source.counting(FileProcessor(self.source.opened, osm.NODE))
-        places = {node.id: (node.location.x, node.location.y) for node in nodes if node.id in missing}
-        for position, (ref, x) in enumerate(zip(self.refs, self.x, strict=True)):
-            if x == _NOWHERE and ref in places:
-                self.x[position], self.y[position] = places[ref]
+        kept = {key: given[key] for key in _ATTRIBUTES if key in given}
+        if given.get("action") == "delete":
+            kept["visible"] = "false"
+        if name == "node":
+            self._nodes.add(given.get("id", ""))
+        self._write(_tag(name, kept))
 
-    def lonlat(self) -> FloatArray:
-        """Return the vertices in degrees (positions, 2), NaN where the file lacks the node.
+    def _write_part(self, name: str, given: dict[str, str]) -> None:
+        if name == "nd" and "ref" in given and "lat" in given and "lon" in given:
+            self._charge(2 * len(given["ref"]) + _BYTES_PER_PLACE)
+            self._placed.setdefault(given["ref"], (given["lat"], given["lon"]))
+            given = {"ref": given["ref"]}
+        self._write(_tag(name, given) + f"</{name}>")
 
-        On a map across 180 degrees, longitudes in the west are above 180.
-        """
-        units = np.column_stack((np.array(self.x, np.int64), np.array(self.y, np.int64)))
-        lonlat = units / _DEGREE
-        lonlat[np.any(np.abs(units) > (180 * _DEGREE, 90 * _DEGREE), axis=1)] = np.nan
-        return unrolled(lonlat)
+    def _read_text(self, text: str) -> None:
+        if self._path[1:2] == ["remark"]:
+            self._remark += text[: _MOST_TEXT - len(self._remark)]
 
-
-_OUTSIDE = (_NOWHERE, _NOWHERE)
-_BYTES_PER_NODE = 250  # of memory, of a node in an area
-
-
-class _ClippedNodes:
-    """The nodes of a map file in an area; only these take memory, however large the file is.
-
-    Args:
-        source: the map.
-        region: the polygon, in degrees of longitude and latitude.
-
-    Attributes:
-        place_of: id of a node -> longitude and latitude in osmium's units.
-    """
-
-    def __init__(self, source: MapSource, region: "Polygon | MultiPolygon") -> None:
-        from osmium import FileProcessor, osm
-
-        boxes = [tuple(round(one * _DEGREE) for one in part) for part in bounds_by_side(region)]
-        ids = array("q")
-        x = array("q")
-        y = array("q")
-        for one in source.counting(FileProcessor(source.opened, osm.NODE)):
-            place = cast("osm.Node", one).location
-            if any(west <= place.x <= east and south <= place.y <= north for west, south, east, north in boxes):
-                ids.append(one.id)
-                x.append(place.x)
-                y.append(place.y)
-                if not len(ids) % _SHOW_EVERY:
-                    refuse_above(_BYTES_PER_NODE * len(ids), f"A part of a map with {len(ids):,} nodes and more")
-        units = np.column_stack((np.array(x, np.int64), np.array(y, np.int64)))
-        rows = np.flatnonzero(are_inside(region, units / _DEGREE)).tolist()
-        self.place_of = {ids[row]: (x[row], y[row]) for row in rows}
-
-    def has_part_of(self, one: "osm.Node | osm.Way | osm.Relation") -> bool:
-        """Return whether a node, or a node of a way, lies in the area; True for relations."""
-        if not one.is_way():
-            return one.is_relation() or one.id in self.place_of
-        return any(node.ref in self.place_of for node in cast("osm.Way", one).nodes)
+    def _end(self, name: str) -> None:
+        self._path.pop()
+        if len(self._path) == 1 and name in _OBJECTS:
+            self._write(f"</{name}>")
+        elif len(self._path) == 1 and name == "remark":
+            raise ValueError(incomplete(self._remark))
 
 
-def read_ways(  # noqa: PLR0913 # the options of a selection of roads
-    file: Path,
-    show: Show,
-    rule: Rule | None = None,
-    tags: Sequence[str] = (),
-    *,
-    areas: bool = False,
-    stops: Stops | None = None,
-    clip: "Polygon | MultiPolygon | None" = None,
-    around_buildings: bool = False,
-    keys: Sequence[str] = ROADS,
-) -> OsmRoads:
-    """Return the ways of a map file that a rule accepts, by default all roads, in file order; possibly none.
-
-    Args:
-        file: the map file.
-        show: shows the progress.
-        rule: the rule for ways.
-        tags: tags of nodes to keep besides their `highway`, such as "crossing"; a node with one of them stays a node.
-        areas: mark ways that are areas, and include the ways around multipolygons that the rule accepts.
-        stops: whether a node with these tags is a barrier.
-        clip: an area in degrees; nodes outside count as missing.
-        around_buildings: attach the buildings of the file, which are read when they are needed.
-        keys: a way needs a tag with one of these keys.
-
-    Raises:
-        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
-        MissingExtra: osmium is not installed.
-    """
-    source = MapSource(file)
-    lines = _WayVertices(source)
-    rule = rule or classic_rule(None)
-    kept: list[tuple[dict[str, Any], bool]] = []
-    marked = dict[int, dict[str, str]]()
-    texts = dict[str, str]()
-    barriers = set[int]()
-    relations = _Relations()
-    show(f"Reading {file.name}")
-    with _errors_of(file):
-        part = None if clip is None else _ClippedNodes(source, clip)
-        roads = _roads(source, keys, tags if stops is None else [*tags, "barrier"], has_places=part is None)
-        for count, one in enumerate(roads, 1):
-            if part is not None and not part.has_part_of(one):
-                continue
-            given = {tag.k: tag.v for tag in one.tags}
-            if one.is_relation():
-                if "highway" in given or is_restriction(given):
-                    lines.allowance.charge(_BYTES_PER_CORNER * len(cast("osm.Relation", one).members))
-                    relations.add(cast("osm.Relation", one), given)
-                continue
-            if one.is_node():
-                lines.allowance.charge(_BYTES_PER_POINT)
-                marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
-                barriers.update([one.id] if stops is not None and stops(given) else [])
-                continue
-            way = cast("osm.Way", one)
-            found = rule(way.id, given)
-            if found is not None and lines.add(way, given, part):
-                kept.append((_shared(found[0], texts), found[1]))
-            if count % _SHOW_EVERY == 0:
-                show(f"Reading {file.name}: {count} roads")
-        squares = open_squares(relations.with_rings(), rule) if areas else {}
-        rims = rims_of(squares)
-        missing = rims.keys() - lines.rows_of.keys()
-        around = _ways(source, ids=missing, part=part) if missing else ()
-        kept += [(rims[way.id], False) for way in around if lines.add(way, {}, part)]
-        if part is None:
-            lines.complete(lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
-    refs = np.array(lines.refs, np.int64)
-    offsets = np.array(lines.offsets, np.int64)
-    against = np.array([is_against for _, is_against in kept], np.bool_)
-    ways = OsmRoads(
-        offsets,
-        refs,
-        lines.lonlat(),
-        against,
-        [of_way for of_way, _ in kept],
-        nodes=node_tags(marked, set(lines.refs), tags),
-        barriers=barriers & set(lines.refs),
-        buildings=BuildingIndex(lambda: _read_buildings(source, part)) if around_buildings else None,
-        ids=lines.ids.tolist(),
-        without_nodes=lines.rules.without_nodes,
-        signs=relations.restrictions(),
+def incomplete(remark: str) -> str:
+    """Return the error for an answer that a server broke off, with its remark."""
+    return (
+        f"it is incomplete; the server reports {remark.strip()[:_MOST_TEXT]!r}. Ask for a smaller area, or with more "
+        "time and memory ([timeout:600][maxsize:2000000000])"
     )
-    return with_areas(ways, lines.rows_of, squares) if areas else ways
 
 
-class _Relations:
-    """The relations of a map while they are being read, each once."""
+def _check_root(name: str, given: dict[str, str]) -> None:
+    """Check the outermost element of a file.
 
-    def __init__(self) -> None:
-        self._tags: dict[int, dict[str, str]] = {}
-        self._members: dict[int, list[Member]] = {}
-
-    def add(self, relation: "osm.Relation", tags: dict[str, str]) -> None:
-        """Add a relation with these tags, unless it is already there.
-
-        Raises:
-            ValueError: the relation contradicts an earlier one.
-        """
-        members = [(one.type, one.ref, one.role) for one in relation.members]
-        check_members(relation.id, members, self._members.setdefault(relation.id, members))
-        self._tags.setdefault(relation.id, tags)
-
-    def restrictions(self) -> list[TurnRelation]:
-        """Return the tags and members of the turn restrictions."""
-        return [(tags, self._members[id]) for id, tags in self._tags.items() if is_restriction(tags)]
-
-    def with_rings(self) -> Iterator[tuple[int, dict[str, str], list[int]]]:
-        """Yield the ids and tags of relations, and the ids of the ways around them."""
-        for id, tags in self._tags.items():
-            rings = [ref for kind, ref, role in self._members[id] if kind == "w" and role in RING_ROLES]
-            yield id, tags, rings
+    Raises:
+        ValueError: it is not that of a map.
+    """
+    if name in _EDITS:
+        raise ValueError(_edits(name))
+    if name != "osm":
+        raise ValueError(f"it begins with the element <{name:.40}>, and maps with <osm>")
+    version = given.get("version")
+    if version != _VERSION:
+        said = "no version" if version is None else f"version={shown(version)}"
+        raise ValueError(
+            f'its first element, <osm>, has {said}. Change it to <osm version="{_VERSION}"> in a text editor'
+        )
 
 
-def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
-    """Return the tags with equal texts shared: a file may repeat one long text."""
-    return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
+def _edits(name: str) -> str:
+    return (
+        f"it holds edits of a map (<{name}>), not a map. Apply them to their map: "
+        "osmium apply-changes map.osm.pbf changes.osc -o new.osm.pbf"
+    )
 
 
-def _roads(source: MapSource, keys: Sequence[str], tags: Sequence[str], *, has_places: bool) -> Iterator[_MapObject]:
-    """Read the ways with one of these keys, typed relations, and the nodes with a `highway` or one of these tags."""
-    from osmium import FileProcessor, osm
-    from osmium.filter import KeyFilter
-
-    ways = KeyFilter(*keys)
-    nodes = KeyFilter(*node_keys(tags))
-    relations = KeyFilter("type")
-    ways.enable_for(osm.WAY)
-    nodes.enable_for(osm.NODE)
-    relations.enable_for(osm.RELATION)
-    objects = FileProcessor(source.opened, osm.NODE | osm.WAY | osm.RELATION)
-    objects = _with_places(objects, source) if has_places else objects
-    return source.counting(objects.with_filter(ways).with_filter(nodes).with_filter(relations))
+def _refuse_entity(*_: object) -> None:
+    raise ValueError("it declares entities, which maps do not need")
 
 
-def _with_places(objects: "FileProcessor", source: MapSource) -> "FileProcessor":
-    """Let osmium give ways the places of their nodes; it does not know which one of several counts."""
-    return objects if source.has_repeats else objects.with_locations()  # takes memory for all nodes of the file
+def _tag(name: str, attributes: dict[str, str]) -> str:
+    """Return the start tag of an element."""
+    return "".join([f"<{name}", *(f" {key}={quoteattr(text)}" for key, text in attributes.items()), ">"])
 
 
-@contextmanager
-def _errors_of(file: Path) -> Iterator[None]:
-    """Turn osmium's errors into a `BadFile` with the name of the file and advice."""
-    from osmium import InvalidLocationError
+# -- PBF: https://wiki.openstreetmap.org/wiki/PBF_Format ---------------------------------------------------------
 
+_MOST_HEADER = 64 << 10  # bytes, by the format
+_MOST_BLOB = 32 << 20
+_TYPE = 1  # field numbers: of BlobHeader
+_DATA_SIZE = 3
+_RAW = 1  # of Blob
+_RAW_SIZE = 2
+_ZLIB = 3
+_GROUP = 2  # of PrimitiveBlock
+_NODES = 1  # of PrimitiveGroup
+_DENSE = 2
+_WAY = 3
+_RELATION = 4
+_ID = 1  # of objects
+_KINDS = {_NODES: "node", _DENSE: "node", _WAY: "way", _RELATION: "relation"}
+_BITS = 7  # of a number in each byte
+_MOST_SHIFT = 63
+
+
+class _Blob(NamedTuple):
+    type: bytes
+    content: bytes
+
+
+def unpacked_size_of_pbf(file: Path) -> int:
+    """Return the unpacked bytes of all blocks."""
+    return sum(_number(blob.content, _RAW_SIZE) for blob in _blobs(file))
+
+
+def pbf_has_repeats(file: Path) -> bool:
+    """Return whether an object is there several times; also True if this cannot be known."""
+    ids = ObjectIds()
     try:
-        yield
-    except GammsError:
-        raise
-    except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
-        raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
+        for blob in _blobs(file):
+            if blob.type == b"OSMData":
+                for kind, some in _ids_in(_unpacked(blob.content)):
+                    ids.add(kind, some)
+    except (ValueError, IndexError, OverflowError, zlib.error):
+        return True
+    return ids.has_repeats()
 
 
-_AboutOf = Callable[[Mapping[str, str]], object | None]  # from tags to the object that they describe, or None
+def _blobs(file: Path) -> Iterator[_Blob]:
+    with file.open("rb") as stream:
+        while len(start := stream.read(4)) == 4:
+            size = int.from_bytes(start, "big")
+            header = stream.read(size) if size <= _MOST_HEADER else b""
+            blob_size = _number(header, _DATA_SIZE)
+            if not header or blob_size > _MOST_BLOB:
+                return
+            yield _Blob(_bytes(header, _TYPE), stream.read(blob_size))
 
 
-class AreaRules(Protocol):
-    """Rules that turn areas of a map file into objects, such as walls.
-
-    Attributes:
-        keys: an area needs a tag with one of these keys.
-    """
-
-    keys: list[str]
-
-    def wall_of(self, tags: Mapping[str, str]) -> object | None:
-        """Return the object for an area with these tags; None: ignore the area."""
-
-
-def read_footprints(file: Path, rules: AreaRules) -> Outlines:
-    """Read the areas of a map file that `rules` accept: relations in file order, then ways in file order.
+def _unpacked(blob: bytes) -> bytes:
+    """Return the content of a block.
 
     Raises:
-        BadFile: the file is not OpenStreetMap data, is damaged, or too large.
-        MissingExtra: osmium is not installed.
+        ValueError: it is packed in another way than zlib.
+        zlib.error: it is damaged.
     """
-    found = _FootprintReader(rules, _WayVertices(MapSource(file)))
-    with _errors_of(file):
-        if rules.keys:
-            found.read()
-    return found.outlines()
+    packed = _bytes(blob, _ZLIB)
+    if packed:
+        return zlib.decompressobj().decompress(packed, _MOST_BLOB)
+    raw = _bytes(blob, _RAW)
+    if not raw:
+        raise ValueError("an unknown compression")
+    return raw
 
 
-def read_barriers(file: Path, rules: WallRules) -> Outlines:
-    """Read the lines of a map file that `rules` turn into walls, in file order; raises like `read_footprints`."""
-    lines, walls = _read_lines(file, ("barrier",) if rules.has_barriers else (), rules.barrier_of, but=rules)
-    rows = [[row] for row in range(len(walls))]
-    return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), rows, walls)
+def _ids_in(block: bytes) -> Iterator[tuple[str, IntArray]]:
+    for group in (part for field, part in _parts(block) if field == _GROUP):
+        single: dict[str, list[int]] = {}
+        for field, part in _parts(group):
+            if field == _DENSE:
+                yield _KINDS[field], np.cumsum(_signed(_varints(_bytes(part, _ID))))
+            elif field in _KINDS:
+                single.setdefault(_KINDS[field], []).append(next(_numbers(part, _ID), 0))
+        for kind, numbers in single.items():
+            ids = np.array(numbers, np.uint64).astype(np.int64)
+            yield kind, _signed(ids) if kind == "node" else ids
 
 
-def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
-    """Read the lines of a map file that a function accepts, without parts whose nodes the file lacks.
-
-    Args:
-        file: the map file.
-        keys: a line needs a tag with one of these keys.
-        about_of: returns the object for a line with these tags; None: ignore the line.
-
-    Raises:
-        BadFile, MissingExtra: see `read_footprints`.
-    """
-    lines, about = _read_lines(file, keys, about_of)
-    return known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)
-
-
-def _read_lines(
-    file: Path, keys: Sequence[str], about_of: _AboutOf, but: AreaRules | None = None
-) -> tuple["_WayVertices", list[object]]:
-    """Read the ways that a function accepts, without areas that the rules `but` accept."""
-    source = MapSource(file)
-    lines = _WayVertices(source)
-    about: list[object] = []
-    with _errors_of(file):
-        for way in _ways(source, *keys) if keys else ():
-            tags = {tag.k: tag.v for tag in way.tags}
-            is_other = but is not None and _is_area(way, tags) and but.wall_of(tags)
-            found = None if is_other else about_of(tags)
-            if found is not None and lines.add(way, tags):
-                about.append(found)
-        lines.complete(lambda _: None)
-    return lines, about
+def _varints(data: bytes) -> IntArray:
+    """Return the unsigned numbers in a packed field."""
+    given = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(given < 1 << _BITS)
+    starts = np.append(0, ends[:-1] + 1)[: len(ends)]
+    sizes = ends - starts + 1
+    values = np.zeros(len(ends), np.int64)
+    for place in range(sizes.max(initial=0)):
+        there = np.flatnonzero(sizes > place)
+        digits = given[starts[there] + place].astype(np.int64) & 127
+        values[there] |= digits << (_BITS * place)
+    return values
 
 
-def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
-    return 4 <= len(way.nodes) <= _MOST_NODES and way.ends_have_same_id() and tags.get("area") != "no"
+def _signed(numbers: IntArray) -> IntArray:
+    """Return numbers from the form in which small negative ones are short, too."""
+    return ((numbers >> 1) & np.int64(2**63 - 1)) ^ -(numbers & 1)
 
 
-class _FootprintReader:
-    """Reads footprints: collects the lines around them while a file is being read."""
-
-    def __init__(self, rules: AreaRules, lines: _WayVertices, part: _ClippedNodes | None = None) -> None:
-        self.rules = rules
-        self.part = part
-        self.lines = lines
-        self.walls: list[object] = []
-        self.rows_of: list[list[int]] = []  # of the lines around each footprint
-
-    def read(self) -> None:
-        from osmium import FileProcessor, osm
-        from osmium.filter import KeyFilter
-
-        source = self.lines.source
-        relations = _Relations()
-        for relation in source.counting(
-            FileProcessor(source.opened, osm.RELATION).with_filter(KeyFilter(*self.rules.keys))
-        ):
-            relations.add(cast("osm.Relation", relation), {tag.k: tag.v for tag in relation.tags})
-        ways_of = self._multipolygons(relations)
-        members = set(chain.from_iterable(ways_of))
-        own = list[int]()
-        for way in _ways(source, *self.rules.keys, part=self.part):
-            tags = {tag.k: tag.v for tag in way.tags}
-            wall = self.rules.wall_of(tags) if _is_area(way, tags) else None
-            if wall is not None and self.lines.add(way, tags, self.part):
-                self.walls.append(wall)
-                own.append(len(self.lines.ids) - 1)
-        known = self.lines.rows_of.keys()
-        for way in _ways(source, ids=members - known, part=self.part) if members - known else ():
-            self.lines.add(way, {}, self.part)
-        if self.part is None:
-            self.lines.complete(lambda _: None)
-        self.rows_of = [rows_around(ids, self.lines.rows_of) for ids in ways_of] + [[row] for row in own]
-
-    def _multipolygons(self, relations: _Relations) -> list[list[int]]:
-        """Add the walls of relations, and return the ids of the ways around each."""
-        ways_of: list[list[int]] = []
-        for _, tags, rings in relations.with_rings():
-            wall = self.rules.wall_of(tags) if tags.get("type") == "multipolygon" else None
-            if wall is not None:
-                self.walls.append(wall)
-                ways_of.append(rings)
-        return ways_of
-
-    def outlines(self) -> Outlines:
-        offsets = np.array(self.lines.offsets, np.int64)
-        # Several relations may share a way.
-        points = sum(int(offsets[row + 1] - offsets[row]) for row in chain.from_iterable(self.rows_of))
-        self.lines.allowance.charge(self.lines.bytes_per_point * points)
-        return outlines_of_ways(offsets, self.lines.lonlat(), self.rows_of, self.walls)
+def _number(message: bytes, field: int) -> int:
+    """Return the integer in this field of a message, which is the last one; 0 without any."""
+    return max(enumerate(_numbers(message, field)), default=(0, 0))[1]
 
 
-def _ways(
-    source: MapSource, *keys: str, ids: Collection[int] = (), part: _ClippedNodes | None = None
-) -> "Iterator[osm.Way]":
-    """Read the ways with one of these tags, or these ids, in an area."""
-    from osmium import FileProcessor, osm
-    from osmium.filter import EntityFilter, IdFilter, KeyFilter
-
-    objects = FileProcessor(source.opened, osm.WAY if part is not None else osm.NODE | osm.WAY)
-    objects = _with_places(objects, source) if part is None else objects
-    objects = objects.with_filter(EntityFilter(osm.WAY))
-    if keys:
-        objects = objects.with_filter(KeyFilter(*keys))
-    elif min(ids) >= 0 and max(ids) < _MOST_ID:  # osmium's filter takes no others
-        objects = objects.with_filter(IdFilter(ids))
-    for way in cast("Iterator[osm.Way]", source.counting(objects)):
-        if (keys or way.id in ids) and (part is None or part.has_part_of(way)):
-            yield way
+def _numbers(message: bytes, field: int) -> Iterator[int]:
+    return (value for name, value in _fields(message) if name == field and isinstance(value, int))
 
 
-def _read_buildings(source: MapSource, part: _ClippedNodes | None) -> Shapes:
-    """Read the buildings of a map file that block roads, in degrees and in any order."""
-    found = _FootprintReader(_BuildingRules(), _WayVertices(source, _BYTES_PER_CORNER), part)
-    with _errors_of(source.file):
-        found.read()
-    return footprints_of(found.outlines())
+def _bytes(message: bytes, field: int) -> bytes:
+    """Return all bytes in this field of a message."""
+    return b"".join(value for name, value in _parts(message) if name == field)
 
 
-class _BuildingRules:
-    """The rules for areas that block ways."""
+def _parts(message: bytes) -> Iterator[tuple[int, bytes]]:
+    return ((name, value) for name, value in _fields(message) if isinstance(value, bytes))
 
-    def __init__(self) -> None:
-        self.keys = ["building"]
 
-    def wall_of(self, tags: Mapping[str, str]) -> object | None:
-        """Return True for an area that blocks ways, else None."""
-        return is_in_the_way(tags) or None
+def _fields(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Yield the integers and the bytes in a message with their fields, up to a value of another type."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        value, at = _varint(message, at)
+        if key & 7 == 0:
+            yield key >> 3, value
+        elif key & 7 == 2:
+            yield key >> 3, message[at : at + value]
+            at += value
+        else:
+            return
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    """Return the number that begins here, and where the next field begins."""
+    value = 0
+    shift = 0
+    while at < len(message):
+        byte = message[at]
+        at += 1
+        if byte < 1 << _BITS:
+            return value | byte << shift, at
+        value |= (byte & 127) << shift
+        shift += _BITS
+        if shift > _MOST_SHIFT:
+            break
+    return value, len(message)

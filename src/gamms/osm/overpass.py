@@ -3,20 +3,21 @@
 import json
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import chain, groupby, product
+from itertools import product
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 
-from gamms.errors import BadType, BadValue, NetworkError, PlaceError
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.errors import BadType, BadValue, GammsError, NetworkError, PlaceError
 from gamms.ir.projection import WGS84, project
+from gamms.limits import MemoryBudget, max_memory
 from gamms.osm import footprints
-from gamms.osm.areas import length_across, open_squares, rims_of, with_areas, with_ways_across
+from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
 from gamms.osm.mode_union import ModeRoads, in_largest_parts, keep_uses, unite
 from gamms.osm.modes import (
@@ -42,30 +43,31 @@ from gamms.osm.network import (
     OSMType,
     RoadNetwork,
     RoadSegments,
+    Rule,
     chosen_roads,
     in_metres,
     largest_part,
     network_of_segments,
-    offsets_of,
     only_read,
     segments_of,
     with_stated_times,
 )
 from gamms.osm.objects import (
     LEAST_NODES,
-    Member,
+    NODE,
+    RELATION,
+    WAY,
+    MapElement,
     NodeTags,
     ObjectVersions,
-    WayRules,
-    check_members,
-    is_one_way_street,
-    node_tags,
+    Wanted,
     nodes_at_two_places,
 )
+from gamms.osm.reader import read_buildings, read_footprints, read_lines, read_ways
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
 from gamms.osm.topology import simplify, without_unused_nodes
-from gamms.osm.turns import choose, is_restriction, restrictions_of
+from gamms.osm.turns import choose, restrictions_of
 from gamms.progress import Show, progress
 from gamms.text import shown
 
@@ -76,6 +78,7 @@ _MARGIN_M = 500.0  # around an area, so that its junctions are those of the whol
 _MOST_KM2 = 20_000.0
 _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
+_PER_DEGREE = 1e7  # units of places
 _MOST_CUT = 1 / 3  # share of areas that may lack nodes: where a map was cut, some do; where it is damaged, most do
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
 _Any = TypeVar("_Any", bound="_Element")
@@ -153,11 +156,28 @@ def features_of_place(
         kinds = [f"{kind}[{one}]" for one, kind in product(filters, ("way", "relation"))]
         kinds += [f"way[{json.dumps(key)}]" for key in lines]
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
-        areas = _areas(found, wanted, boundary)
-        if not areas:
+        areas = read_footprints(found, _WantedAreas(wanted))
+        shapes = footprints.repaired(footprints.footprints_of(areas))
+        rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
+        features = [(shapes[row], areas.about[row]) for row in rows if shapes[row].geom_type in _RINGS]
+        if not features:
             raise PlaceError(f"There is nothing tagged {', '.join(tags)} in {name}. Try a larger area, or other tags.")
         servers.save_rest()
-        return areas + _lines(found, frozenset(lines), wanted)
+        others = read_lines(found, lines, lambda tags: None if is_asked_for(tags, wanted) else tags)
+        about = [others.about[row] for row in others.owners.tolist()]
+        return [*features, *zip(footprints.lines_of(others).tolist(), about, strict=True)]
+
+
+class _WantedAreas:
+    """The rules for areas with tags that are asked for; `wanted` comes from `checked_filter`."""
+
+    def __init__(self, wanted: Mapping[str, Collection[str] | None]) -> None:
+        self.keys = [*wanted]
+        self._wanted = wanted
+
+    def wall_of(self, tags: Mapping[str, str]) -> Mapping[str, str] | None:
+        """Return the tags of an area that is asked for, else None."""
+        return tags if is_asked_for(tags, self._wanted) else None
 
 
 def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
@@ -202,8 +222,9 @@ def _streets(
     buildings = None
     if options.around_buildings:
         show(f"Downloading the buildings of {name}")
-        buildings = _buildings(servers, surroundings)
-    network = _network_of(found, buildings, surroundings, options)
+        kinds = ['way["building"]', 'relation["building"]["type"="multipolygon"]']
+        buildings = read_buildings(_download(servers, surroundings, [(kinds, "(._;>;);out;")], read_areas))
+    network = _network_of(found, buildings, surroundings, options, show)
     if network is not None:
         there = _inside(simplify(network) if options.simplify else network, polygon, options)
         if len(there.sources):
@@ -223,16 +244,17 @@ def _modes_of(options: StreetOptions) -> "tuple[ModeFunction | None, ...]":
 
 
 def _network_of(
-    found: "_OverpassElements",
+    found: "_Answers",
     buildings: "footprints.BuildingIndex | None",
     area: "BaseGeometry",
     options: StreetOptions,
+    show: Show,
 ) -> RoadNetwork | None:
     """Return the streets in an area in UTM meters; None if there are none for the mode, or for one of several."""
     parts = list[ModeRoads]()
     for one in _modes_of(options):
         mode = honour_traffic(one) if one is not None and options.bidirectional is False else one
-        ways = with_stated_times(_ways(found, mode, options))
+        ways = with_stated_times(_ways(found, mode, options, show))
         ways = with_ways_across(replace(ways, buildings=buildings))
         segments = _part(segments_of(ways), area, options)
         if not len(segments.sources):
@@ -261,13 +283,6 @@ def _inside(network: RoadNetwork, area: "BaseGeometry", options: StreetOptions) 
     return without_unused_nodes(replace(kept, left_out=network.left_out._replace(no_way_back_m=lost)))
 
 
-def _buildings(servers: MapServers, area: "BaseGeometry") -> footprints.BuildingIndex:
-    kinds = ['way["building"]', 'relation["building"]["type"="multipolygon"]']
-    found = _download(servers, area, [(kinds, "(._;>;);out;")], read_areas)
-    shapes = [shape for shape, tags in _areas(found, {"building": None}, area) if footprints.is_in_the_way(tags)]
-    return footprints.BuildingIndex(lambda: footprints.shapes_of(shapes))
-
-
 def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) -> RoadSegments:
     """Return the segments in an area and, unless all are wanted, only their largest connected part."""
     if not len(segments.sources):
@@ -283,98 +298,33 @@ def _part(segments: RoadSegments, area: "BaseGeometry", options: StreetOptions) 
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
-def _ways(found: "_OverpassElements", mode: ModeFunction | None, options: StreetOptions) -> OsmRoads:
-    """Return the ways as columns, with the speeds of the mode; without a rule, walkers have no one-way streets."""
+def _ways(found: "_Answers", mode: ModeFunction | None, options: StreetOptions, show: Show) -> OsmRoads:
+    """Return the ways as columns, with the speeds of the mode."""
+    keys = () if mode is None or options.custom_filter else keys_of(mode)
+    ways = read_ways(
+        *(found, show, _rule_of(mode, options), options.tags), areas=mode is not None, stops=stops_of(mode), keys=keys
+    )
+    vehicles = {} if mode is None or not vehicles_of(mode) else {name_of(mode): vehicles_of(mode)}
+    return replace(ways, restrictions=restrictions_of(ways.signs, vehicles))
+
+
+def _rule_of(mode: ModeFunction | None, options: StreetOptions) -> Rule:
+    """Return the rule for the ways of answers; without a mode, walkers have no one-way streets."""
     useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
-    rule = None if mode is None else rule_of(mode, names)
+    of_mode = None if mode is None else rule_of(mode, names)
+    if of_mode is not None and not options.custom_filter:
+        return of_mode
     any_way = paced_rule(mode or modes()[options.osm_type.name.lower()], options.osm_type, names)
-    squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
-    rims = rims_of(squares)
-    rows_of = dict[int, list[int]]()
-    read: list[tuple[dict[str, Any], bool]] = []
-    lines: list[list[int]] = []
-    ways_of_lines = list[int]()
-    for way in found.ways:
-        of_way = rule(way.id, way.tags) if rule is not None and (way.id not in rims or "highway" in way.tags) else None
-        if of_way is None and way.id in rims:
-            of_way = rims[way.id], False
-        if of_way is None and (rule is None or options.custom_filter):
-            of_way = any_way(way.id, way.tags)
-        if of_way is not None:
-            rows_of.setdefault(way.id, []).append(len(lines))
-            read.append(of_way)
-            lines.append([ref for ref, _ in groupby(way.nodes)])
-            ways_of_lines.append(way.id)
-    tags = [of_way for of_way, _ in read]
-    against = np.array([is_against for _, is_against in read], np.bool_)
-    if rule is None and options.osm_type is OSMType.WALK:
-        tags = [{**of_way, "oneway": False} for of_way in tags]
-        against = np.zeros(len(tags), np.bool_)
-    offsets, lonlat, ids = _vertices(found, lines)
-    stops = stops_of(mode)
-    barriers = (
-        [] if stops is None else [ref for ref in {*ids.tolist()} & found.nodes.keys() if stops(found.nodes[ref].tags)]
-    )
-    nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
-    vehicles = {} if mode is None or not vehicles_of(mode) else {name_of(mode): vehicles_of(mode)}
-    relations = [(one.tags, _members(one)) for one in found.relations.values() if is_restriction(one.tags)]
-    ways = OsmRoads(
-        *(offsets, ids, lonlat, against, tags),
-        nodes=nodes,
-        barriers=barriers,
-        ids=ways_of_lines,
-        restrictions=restrictions_of(relations, vehicles),
-    )
-    return ways if rule is None else with_areas(ways, rows_of, squares)
 
+    def rule(id: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        found = None if of_mode is None else of_mode(id, tags)
+        found = found or any_way(id, tags)
+        if found is not None and of_mode is None and options.osm_type is OSMType.WALK:
+            return {**found[0], "oneway": False}, False
+        return found
 
-def _rings(found: "_OverpassElements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
-    """Yield the ids and tags of relations, and the ids of the ways around them."""
-    for one in found.relations.values():
-        rings = [part.ref for part in one.members if part.type == "way" and part.role in footprints.RING_ROLES]
-        yield one.id, one.tags, rings
-
-
-def _areas(
-    found: "_OverpassElements", wanted: Mapping[str, Collection[str] | None], boundary: "BaseGeometry"
-) -> "list[tuple[BaseGeometry, dict[str, str]]]":
-    """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
-    closed = ((row, way) for row, way in enumerate(found.ways) if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
-    areas = [(way.tags, [row]) for row, way in closed if way.tags.get("area") != "no"]  # tags, and the rows around it
-    rows_of = dict[int, list[int]]()
-    for row, way in enumerate(found.ways):
-        rows_of.setdefault(way.id, []).append(row)
-    for _, tags, rings in _rings(found):
-        if tags.get("type") in ("multipolygon", "boundary"):
-            areas.append((tags, footprints.rows_around(rings, rows_of)))
-    areas = [(tags, rows) for tags, rows in areas if is_asked_for(tags, wanted)]
-    about = [tags for tags, _ in areas]
-    offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways])
-    outlines = footprints.outlines_of_ways(offsets, lonlat, [rows for _, rows in areas], about)
-    shapes = footprints.repaired(footprints.footprints_of(outlines))
-    rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
-    return [(shapes[row], dict(about[row])) for row in rows if shapes[row].geom_type in _RINGS]
-
-
-def _lines(
-    found: "_OverpassElements", keys: frozenset[str], wanted: Mapping[str, Collection[str] | None]
-) -> "list[tuple[BaseGeometry, dict[str, str]]]":
-    """Return the ways with one of these keys that are not in `_areas`, as lines with all their tags."""
-    ways = [one for one in found.ways if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
-    offsets, lonlat, _ = _vertices(found, [way.nodes for way in ways])
-    rows = [[row] for row in range(len(ways))]
-    outlines = footprints.outlines_of_ways(offsets, lonlat, rows, [way.tags for way in ways])
-    shapes = footprints.lines_of(outlines).tolist()
-    return [(shape, dict(outlines.about[row])) for shape, row in zip(shapes, outlines.owners.tolist(), strict=True)]
-
-
-def _vertices(found: "_OverpassElements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
-    """Return the offsets of lines through these nodes, degrees (vertices, 2) or NaN, and the ids of the nodes."""
-    refs = list(chain.from_iterable(lines))
-    places = {id: (node.lon, node.lat) for id, node in found.nodes.items()}
-    lonlat = np.array([places.get(ref, (math.nan, math.nan)) for ref in refs], np.float64).reshape(-1, 2)
-    return offsets_of(np.array([len(line) for line in lines], np.int64)), lonlat, np.array(refs, np.int64)
+    return rule
 
 
 # -- the language of Overpass -----------------------------------------------------------------------------------
@@ -382,7 +332,7 @@ def _vertices(found: "_OverpassElements", lines: list[list[int]]) -> tuple[IntAr
 
 def _download(
     servers: MapServers, area: "BaseGeometry", queries: list[_Query], read: "Callable[[Json], list[_Element]]"
-) -> "_OverpassElements":
+) -> "_Answers":
     """Run each query for the whole area."""
     found: list[_Element] = []
     for outline in footprints.outlines_of(area, float(setting("max_query_area_size"))):
@@ -390,45 +340,60 @@ def _download(
         for kinds, output in queries:
             union = "".join(f"{kind}(poly:'{corners}');" for kind in kinds)
             found += servers.query(f"({union});{output}", read)
-    try:
-        return _counting(found)
-    except ValueError as error:
-        raise NetworkError(f"The answers of the server contradict each other: {error}. Try again later.") from None
+    return _Answers(found)
 
 
-def _counting(given: "Sequence[_Element]") -> "_OverpassElements":
-    """Return the elements that count, by the rules of `objects.py`; parts of an area may give one several times.
+class _Answers:
+    """Answers of Overpass as the elements in them that count; parts of an area may give one several times."""
 
-    Raises:
-        ValueError: the elements contradict each other.
-    """
-    nodes = _last_versions([one for one in given if isinstance(one, _Node)])
-    ways = _last_versions([one for one in given if isinstance(one, _Way)])
-    relations = _last_versions([one for one in given if isinstance(one, _Relation)])
-    places = np.array([(one.lon, one.lat) for one in nodes], np.float64).reshape(-1, 2)
-    unclear = nodes_at_two_places(np.array([one.id for one in nodes], np.int64), places)
-    first: dict[int, _Way] = {}
+    name = "the answers of the server"
 
-    def first_of(id: int) -> tuple[Sequence[int], bool] | None:
-        return (first[id].nodes, is_one_way_street(first[id].tags)) if id in first else None
+    def __init__(self, given: "Sequence[_Element]") -> None:
+        self._of: dict[str, list[Any]] = {  # kind -> elements
+            kind: _last_versions([one for one in given if isinstance(one, type)]) for kind, type in _KINDS.items()
+        }
+        nodes = self._of["node"]
+        lonlat = np.array([(one.lon, one.lat) for one in nodes], np.float64).reshape(-1, 2)
+        self._ids = np.array([one.id for one in nodes], np.int64)
+        self._places = np.rint(lonlat * _PER_DEGREE).astype(np.int64)
+        self.unclear = nodes_at_two_places(self._ids, lonlat)
 
-    rules = WayRules(first_of, unclear)
-    lines = []
-    described = {way.id for way in ways if way.tags}
-    for way in ways:
-        is_repeat = not way.tags and way.id in described
-        if not is_repeat and rules.take(way.id, way.nodes, way.tags):
-            lines.append(way)
-            first.setdefault(way.id, way)
-    members: dict[int, list[Member]] = {}
-    for one in relations:
-        listed = _members(one)
-        check_members(one.id, listed, members.setdefault(one.id, listed))
-    return _OverpassElements(_by_id(nodes), lines, _by_id(relations))
+    def budget(self) -> MemoryBudget:
+        """Return as much memory as elements can take: their number was limited when they were downloaded."""
+        return MemoryBudget(max_memory(), self.name, is_streamed=True)
 
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Turn contradictions into a `NetworkError`."""
+        try:
+            yield
+        except GammsError:
+            raise
+        except ValueError as error:
+            raise NetworkError(f"The answers of the server contradict each other: {error}. Try again later.") from None
 
-def _members(relation: "_Relation") -> list[Member]:
-    return [(part.type, part.ref, part.role) for part in relation.members]
+    def elements(
+        self,
+        keys: Mapping[str, Collection[str]],
+        ids: Collection[int] = (),
+        *,
+        has_places: bool = False,  # noqa: ARG002 - for sources that know them at once
+        wanted: Wanted | None = None,
+    ) -> Iterator[MapElement]:
+        """Yield the elements that are asked for; see `MapSource`."""
+        for name, some in self._of.items():
+            kind = name[0]
+            for one in some:
+                is_there = kind == WAY and one.id in ids
+                if kind in keys and one.tags:
+                    is_there = not keys[kind] or not one.tags.keys().isdisjoint(keys[kind])
+                if is_there and (wanted is None or wanted(kind, one.tags)):
+                    yield one.as_element()
+
+    def nodes(self) -> Iterator[tuple[int, int, int]]:
+        """Yield all nodes; see `MapSource`."""
+        for id, (x, y) in zip(self._ids.tolist(), self._places.tolist(), strict=True):
+            yield id, x, y
 
 
 def _last_versions(elements: list[_Any]) -> list[_Any]:
@@ -438,16 +403,6 @@ def _last_versions(elements: list[_Any]) -> list[_Any]:
     deleted = np.array([not one.visible for one in elements], np.bool_)
     rows = np.flatnonzero(ObjectVersions(ids, versions, deleted).are_counting(ids, versions))
     return [elements[row] for row in rows.tolist()]
-
-
-def _by_id(elements: list[_Any]) -> dict[int, _Any]:
-    """Return elements of one kind by their ids; of equal ones, the first that has tags."""
-    found: dict[int, _Any] = {}
-    for one in elements:
-        if one.tags and not found.setdefault(one.id, one).tags:
-            found[one.id] = one
-        found.setdefault(one.id, one)
-    return found
 
 
 def _keys_of(travel: Travel) -> list[str]:
@@ -534,6 +489,10 @@ class _Element(msgspec.Struct):
     version: int = 0
     visible: bool = True
 
+    def as_element(self) -> MapElement:
+        """Return it as the element that readers take."""
+        return MapElement(NODE, self.id, self.tags)
+
 
 class _Node(_Element, kw_only=True):
     lon: _Lon
@@ -542,6 +501,9 @@ class _Node(_Element, kw_only=True):
 
 class _Way(_Element, kw_only=True):
     nodes: list[int]
+
+    def as_element(self) -> MapElement:
+        return MapElement(WAY, self.id, self.tags, self.nodes)
 
 
 class _Member(msgspec.Struct):
@@ -553,13 +515,9 @@ class _Member(msgspec.Struct):
 class _Relation(_Element, kw_only=True):
     members: list[_Member]
 
-
-class _OverpassElements(NamedTuple):
-    """The elements in Overpass's answers that count."""
-
-    nodes: dict[int, _Node]
-    ways: list[_Way]  # the pieces of one way have equal ids
-    relations: dict[int, _Relation]
+    def as_element(self) -> MapElement:
+        members = [(part.type[:1], part.ref, part.role) for part in self.members]
+        return MapElement(RELATION, self.id, self.tags, members=members)
 
 
 _KINDS: dict[str, type[_Element]] = {"node": _Node, "way": _Way, "relation": _Relation}

@@ -19,8 +19,9 @@ from gamms.ir.scenery import Scenery, SceneryKind, no_scenery
 from gamms.osm import footprints
 from gamms.osm.constants import wall_estimates
 from gamms.osm.footprints import Shapes, WallProfile, WallRules, layer_of
-from gamms.osm.osmium_reader import as_file, read_footprints, read_lines
+from gamms.osm.osmium_reader import MapFile, as_file
 from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.reader import read_footprints, read_line_parts
 from gamms.osm.walls import SimplifyTolerance, faces_of
 from gamms.typing import IContext
 
@@ -83,10 +84,10 @@ def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildi
         MissingExtra: osmium or pyproj is not installed.
     """
     crs, box = _place_of(as_context(ctx, "scenery_from_file", "scenery_from_file('city.osm', ctx)"))
-    file = as_file(filepath)
+    source = MapFile(as_file(filepath))
     rules = _SceneryRules(buildings=buildings)
-    areas = read_footprints(file, rules)
-    lines = read_lines(file, _LINE_KEYS, _line_of)
+    areas = read_footprints(source, rules)
+    lines = read_line_parts(source, _LINE_KEYS, _line_of)
     shapes = chain(
         zip(footprints.footprints_of(areas), areas.about, strict=True),
         zip(footprints.lines_of(lines), (lines.about[row] for row in lines.owners.tolist()), strict=True),
