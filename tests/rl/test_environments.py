@@ -508,6 +508,36 @@ def test_environments_of_edges_begin_games_again(ferries):
         rl.parallel_env(ferries, moves="roads")
 
 
+@pytest.mark.parametrize("maps", [None, [{"grid": {"rows": 2, "columns": 3}}, {"grid": {"rows": 1, "columns": 6}}]])
+def test_environments_of_edges_play_the_same_in_one_call_and_by_phases(ferries, tmp_path, maps):
+    (ferries.folder / "idle_rule.py").write_text("def do_nothing(ctx):\n    pass\n")  # such turns have phases
+    played = []
+    for rules in ([], [{"rule": "idle_rule:do_nothing"}]):
+        limit = {"rule": "time_limit", "with": {"turns": 5}}
+        options = {"reward": None if maps else (lambda turn: turn.after.node * 1.0), "moves": "edges", "maps": maps}
+        tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn", "score": 1}}
+        scene = ferries.replace(rules=[limit, *([tag] if maps else []), *rules])
+        learners = Learners(scene, 4, teams="red", seed=3, **options)
+        with closing(rl.vector_env(scene, num_games=4, team="red", seed=3, **options)) as env, learners:
+            learners.begin_all()
+            draw = np.random.default_rng(2)
+            observed, _ = env.reset(seed=3)
+            rows = [(observed["observation"].tolist(), observed["action_mask"].tolist())]
+            for _ in range(14):
+                actions = draw.integers(-1, env.single_action_space.n + 1, 8)
+                observed, rewards, terminated, truncated, _ = env.step(np.clip(actions, 0, None))
+                rows.append((observed["observation"].tolist(), observed["action_mask"].tolist(), rewards.tolist()))
+                rows.append((terminated.tolist(), truncated.tolist()))
+            for _ in range(4):
+                actions = draw.integers(-1, learners.num_actions + 1, (4, 2))
+                rows.append((learners.are_legal(actions).tolist(), learners.masks.tolist()))
+                learners.step(actions)
+            rows.append([edges_taken(learners.games, number, tmp_path) for number in range(4)])
+        played.append(rows)
+    assert played[0] == played[1]
+    assert all(played[0][-1])
+
+
 def choose_randomly(entries, actions, seed=1):
     """Return the layers of a network with random weights."""
     return [(np.random.default_rng(seed).normal(size=(actions, entries)), np.zeros(actions))]

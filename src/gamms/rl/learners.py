@@ -19,6 +19,7 @@ from gamms.game.array_functions.view import (
     LearnerWriter,
     lasting_in,
     movement_in,
+    nodes_in,
     set_width,
     vectors_in,
     width_in,
@@ -334,7 +335,11 @@ class Learners:
     def observe_ended(self) -> tuple[Any, BoolArray]:
         """Return the observations and legal actions in the games `begun` before they began again."""
         assert self._writer is not None  # noqa: S101 - it has begun them
-        return self._writer.last_values[self.begun], self._writer.last_legal[self.begun]
+        legal = self._writer.last_legal[self.begun]
+        if self.by_edges:  # they have ended
+            legal = np.zeros((len(self.begun), *self.masks.shape[1:]), np.bool_)
+            legal[..., 0] = True
+        return self._writer.last_values[self.begun], legal
 
     def observe(self, which: IntArray | None = None) -> Any:
         """Return the observations of all agents, (games, agents, …), in the games `which`; None: all."""
@@ -386,8 +391,10 @@ class Learners:
         self._refuse_closed()
         turn = self._turn
         turn.moves[:] = self._numbers_of(actions)
-        given = self._with_edges(self._given, turn.moves) if self.by_edges else self._given
         heads = [turn.moves]
+        given = self._given
+        if self.by_edges:
+            heads, given = self._take_edges(turn.moves)
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
             heads.append(np.where(are_in(self.deed_masks, done), done, 0))
@@ -473,7 +480,8 @@ class Learners:
 
     def are_legal(self, actions: ActionArray) -> BoolArray:
         """Return whether actions are legal, (games, agents)."""
-        found: BoolArray = (actions >= 0) & (actions < self._turn.counts)
+        counts = self._count_edges() if self.by_edges and self._is_written else self._turn.counts
+        found: BoolArray = (actions >= 0) & (actions < counts)
         return found
 
     def begin_all(self, seed: int | None = None) -> None:
@@ -651,11 +659,14 @@ class Learners:
         self._is_written = False  # whether the writer has written the current turn
         self._has_vectors = self.observation is default_observation and not lasting_in(self._views(0)[0])
         self._roster = self.games.roster
-        if self.games.is_in_arrays and not self.by_edges:
-            views = [self._views(number)[0] for number in range(self.games.num_maps)]
+        if self.games.is_in_arrays:
+            views = self._first_views()
             others = min(_num_public(views[0]) - 1, _MOST_OTHERS) if self._has_vectors else None
             members = np.concatenate([view.agents for view in self._views(0)])
             self._writer = writer_of(views, self.games.maps, members, self._turn, others, self._threads)
+            self._members = members
+            if self.by_edges and self._writer is not None:
+                self._edge_table = EdgeTable(views)
 
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each source that has games: a map, with the same others."""
@@ -697,7 +708,9 @@ class Learners:
     @property
     def masks(self) -> BoolArray:
         """The legal actions, (games, agents, actions); only 0 for dead agents and in finished games."""
-        return self._writer.legal if self._writer is not None and self._is_written else self._masks
+        if self._writer is None or not self._is_written:
+            return self._masks
+        return np.arange(self.num_actions) < self._count_edges()[..., None] if self.by_edges else self._writer.legal
 
     @property
     def alive(self) -> BoolArray:
@@ -739,15 +752,32 @@ class Learners:
                 found[view.games, columns, : edges.shape[-1]] = edges
         return found
 
-    def _with_edges(self, given: dict[Hashable, OutsideActions], moves: IntArray) -> dict[Hashable, OutsideActions]:
-        """Return actions with the edges of legal moves, (games, agents), in place of the moves."""
-        takes_edge = (moves > 0) & (moves < self._turn.counts) & self._turn.alive
-        numbers = np.where(takes_edge, moves - 1, 0)[..., None]
-        edges = np.where(takes_edge, np.take_along_axis(self._edges, numbers, axis=-1)[..., 0], -1)
-        stays = np.zeros_like(moves)
-        return {
-            team: one._replace(moves=stays[:, columns], edges=edges[:, columns])
-            for (team, one), columns in zip(given.items(), self._columns, strict=True)
+    def _count_edges(self) -> IntArray:
+        """Return the number of actions of each agent in a turn that the writer has written, (games, agents)."""
+        takes_part = self._turn.alive & ~self._turn.over[:, None]
+        nodes = nodes_in(self._views(0)[0], self._members)
+        return np.where(takes_part, 1 + self._edge_table.count(self.games.maps, nodes), 1)
+
+    def _take_edges(self, chosen: IntArray) -> tuple[list[IntArray], dict[Hashable, OutsideActions]]:
+        """Return the legal actions, as the only head, and the actions of teams that take their edges.
+
+        Args:
+            chosen: (games, agents) the actions; where the core writes, replaced by the moves to the ends of the edges.
+        """
+        moves = np.zeros_like(chosen)
+        if self._is_written:
+            heads = [np.where((chosen >= 0) & (chosen < self._count_edges()), chosen, 0)]
+            nodes = nodes_in(self._views(0)[0], self._members)
+            edges, moves = self._edge_table.find(self.games.maps, nodes, heads[0])
+            chosen[:] = moves
+        else:
+            heads = [chosen]
+            takes_edge = (chosen > 0) & (chosen < self._turn.counts) & self._turn.alive
+            numbers = np.where(takes_edge, chosen - 1, 0)[..., None]
+            edges = np.where(takes_edge, np.take_along_axis(self._edges, numbers, axis=-1)[..., 0], -1)
+        return heads, {
+            team: one._replace(moves=moves[:, columns], edges=edges[:, columns], leads=self._is_written)
+            for (team, one), columns in zip(self._given.items(), self._columns, strict=True)
         }
 
     def _with_deeds(self, given: dict[Hashable, OutsideActions], done: IntArray) -> dict[Hashable, OutsideActions]:
@@ -800,6 +830,55 @@ class Learners:
                 f"reward must give finite numbers, not {rewards[game, agent]} for agent {self.names[agent]!r} in game "
                 f"{game}."
             )
+
+
+class EdgeTable:
+    """The edges that agents may take along one edge a turn, and the moves to their ends, by node, with the first roads.
+
+    Args:
+        views: a view of the games on each map.
+    """
+
+    def __init__(self, views: Sequence[ArrayView]) -> None:
+        self._first = np.cumsum([0, *(view.streets.num_nodes for view in views)])  # the place of each map's first node
+        each = [_list_edges(view) for view in views]
+        self._offsets = np.cumsum([0, *chain.from_iterable(counts.tolist() for counts, _, _ in each)])
+        self._ids, self._moves = (np.append(np.concatenate([one[i] for one in each]), -1) for i in (1, 2))
+
+    def count(self, maps: IntArray, nodes: IntArray) -> IntArray:
+        """Return the number of edges from nodes, (games, agents), on the maps of games, (games,)."""
+        places = self._first[maps][:, None] + nodes
+        found: IntArray = self._offsets[places + 1] - self._offsets[places]
+        return found
+
+    def find(self, maps: IntArray, nodes: IntArray, numbers: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the ids of edges, -1 for none, and the numbers of the legal nodes at their ends, (games, agents) each.
+
+        Args:
+            maps: (games,) the maps of the games.
+            nodes: (games, agents) the nodes.
+            numbers: (games, agents) legal numbers of edges from these nodes, from 1; 0 for none.
+        """
+        at = np.where(numbers > 0, self._offsets[self._first[maps][:, None] + nodes] + numbers - 1, -1)
+        return self._ids[at], np.maximum(self._moves[at], 0)
+
+
+def _list_edges(view: ArrayView) -> tuple[IntArray, IntArray, IntArray]:
+    """Return how many edges leave each node of a map, their ids, and the numbers of their ends among legal nodes."""
+    movement = movement_in(view)
+    columns = movement.columns
+    streets = view.streets
+    nodes = streets.num_nodes
+    offsets, edges = movement.all_roads.edges_at_start[0]
+    edges = edges[: offsets[nodes]]
+    edges = edges[columns.sources[edges] != columns.targets[edges]]
+    edges = edges[np.lexsort((columns.edge_ids[edges], columns.sources[edges]))]
+    sources = columns.sources[edges]
+    keys = np.repeat(np.arange(nodes), streets.counts) * nodes + streets.targets
+    order = np.argsort(keys)
+    places = order[np.searchsorted(keys[order], sources * nodes + columns.targets[edges])]
+    counts = np.bincount(sources, minlength=nodes)
+    return counts, columns.edge_ids[edges], places - streets.offsets[sources]
 
 
 def count_edge_actions(view: ArrayView) -> int:

@@ -32,6 +32,7 @@ class OutsideActions(NamedTuple):
         are_legal: whether the moves are legal when the turn begins, so that they are not checked then.
         name: the only agent of the team that the actions are for; None: they are for all.
         edges: ids of edges that agents take instead of their moves, (games, agents), -1 for none; None: none does.
+        leads: whether the moves lead to the ends of these edges, in games along one edge a turn.
     """
 
     moves: IntArray
@@ -42,11 +43,13 @@ class OutsideActions(NamedTuple):
     are_legal: bool = False
     name: str | None = None
     edges: IntArray | None = None
+    leads: bool = False
 
     @property
     def are_moves(self) -> bool:
-        """Whether the actions are moves alone."""
-        return self.flights is None and self.edges is None and not (self.deeds or self.messages)
+        """Whether the core needs the moves alone."""
+        has_moves = self.edges is None or self.leads
+        return has_moves and self.flights is None and not (self.deeds or self.messages)
 
     def agents(self, roster: AgentTable, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team that the actions are for."""

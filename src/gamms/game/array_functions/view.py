@@ -728,6 +728,11 @@ def movement_in(view: ArrayView) -> Movement:
     return view._movement
 
 
+def nodes_in(view: ArrayView, agents: IntArray) -> IntArray:
+    """Return the rows of the present nodes of agents, by their numbers, in all games of the batch: (games, agents)."""
+    return view._state.node[:, agents]
+
+
 def width_in(view: ArrayView) -> int:
     """Return the number of actions of the games of a view, for which it may have more entries; see `widen`."""
     state = view._state
