@@ -437,8 +437,6 @@ class NamedEdges:
 
     def find(self, game: int, agents: IntArray, columns: GraphColumns) -> IntArray:
         """Return the ids of the edges that agents of a game have named, -1 for none; agent -1 is none."""
-        if not self.are_any[0]:
-            return np.full(len(agents), moves.NO_EDGE)
         rows = np.where(agents >= 0, self.rows[game, agents], moves.NO_EDGE)
         return np.where(rows >= 0, columns.edge_ids[rows], moves.NO_EDGE)
 

@@ -803,7 +803,8 @@ class ShownGame(GamesInContext):
         first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._flights_of(acting, first)
-        actions |= self._along_named(acting, ids(ends).tolist(), first)
+        if self._core.edges.are_any[0]:
+            actions |= self._along_named(acting, ids(ends).tolist(), first)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
