@@ -9,7 +9,11 @@ from shown_game import ShownGame, game_in
 
 import gamms
 from gamms import recorder, web
+from gamms.errors import BadType
+from gamms.ir import events
+from gamms.ir.game_state import as_collected
 from gamms.visual.artist import ArtistGroup
+from gamms.visual.charts import select_charts
 from gamms.visual.themes import THEMES
 from gamms.web.knowledge import AgentFacts
 from gamms.web.streams import Streams
@@ -140,3 +144,66 @@ def test_pages_have_the_edges_that_actions_have_named():
     at = [divmod(place, part["turns"]) for place in named["at"].tolist()]
     ann = part["agents"].index("ann")
     assert [*zip(at, named["edges"].tolist(), strict=True)] == [((ann, 2), 2), ((ann, 3), 1)]
+
+
+def play_with_collectors(path=None):
+    """Play three turns of a game with collectors; return the context."""
+    ctx = gamms.create_context(seed=1)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+    ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.AGENT_RANGE, sensor_range=12.0)
+    for team, start in (("red", 0), ("blue", 15)):
+        ctx.agent.create_agent(team, start_node_id=start, team=team, sensors=["eyes"], strategy=gamms.strategies.stay)
+    ctx.game.collect("hidden total", lambda ctx: ctx.game.turn * 1.5, every=2)
+    ctx.game.collect("place", lambda agent: np.int64(agent.current_node_id), per="agent")
+    ctx.game.collect("words", lambda ctx: "no number")
+    ctx.game.collect("nothing", lambda ctx: float("nan"))
+    if path is not None:
+        ctx.record.start(path, sensed=True)
+    ctx.game.run(3)
+    return ctx
+
+
+def test_a_page_has_the_numbers_that_a_game_collects_and_that_of_a_team_has_none(tmp_path):
+    play_with_collectors(tmp_path / "game.ggr").terminate()
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        shown = game_in(web.page(recording))
+        known = web.page(recording, audience="red")
+        recording.cut(tmp_path / "red.ggr", "red")
+    places = {"red": 0, "blue": 15}
+    charts = [state.slots.get("charts") for state in shown]
+    assert charts == [
+        None,
+        {"place": places},
+        {"hidden total": {"": 3.0}, "place": places},
+        {"hidden total": {"": 3.0}, "place": places},
+    ]
+    assert all("charts" not in state.slots for state in game_in(known))
+    assert "hidden total" not in repr([game_in(known).header, *game_in(known).sent])
+    with recorder.open(tmp_path / "red.ggr") as cut:
+        assert b"hidden total" not in cut.content()
+        assert all(kind != events.GAME_COLLECTED for log in cut.logs() for kind, _ in events.events_of(log))
+
+
+def test_at_most_four_charts_of_eight_lines_are_shown():
+    many = {f"chart {i}": {f"agent {j}": j for j in range(50)} for i in range(50)}
+    charts = select_charts(many | {"x" * 999: 1})
+    assert [*charts] == ["chart 0", "chart 1", "chart 2", "chart 3"]
+    assert {len(lines) for lines in charts.values()} == {8}
+    assert select_charts({"a\nb" + "x" * 999: 1.0}) == {("a\\nb" + "x" * 999)[:60]: {"": 1.0}}
+
+
+def test_charts_of_a_replay_are_those_of_the_game(tmp_path):
+    with play_with_collectors(tmp_path / "game.ggr") as ctx:
+        now = ctx.game.internals.state.collected
+        assert now == {"hidden total": 3.0, "place": {"red": 0, "blue": 15}}
+        assert ctx.game.fork(2).internals.state.collected == now
+        ctx.game.reset()
+        assert ctx.game.internals.state.collected == {}
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        assert recording.detached(3).game.collected == now
+
+
+@pytest.mark.parametrize("wrong", [[], {"a": "b"}, {"a": {"b": "c"}}, {1: 2}, {"a": float("nan")}, {"a": True}])
+def test_damaged_collected_numbers_are_refused(wrong):
+    with pytest.raises(BadType, match="Collected numbers"):
+        as_collected(wrong)

@@ -18,7 +18,7 @@ from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import as_kind, bytes_of, write_whole
 from gamms.game.strategy_specs import drawn_members
-from gamms.ir.game_state import log_at, reason_in_words
+from gamms.ir.game_state import CollectedNumbers, is_shown_number, log_at, reason_in_words
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.limits import refuse_above
@@ -469,6 +469,22 @@ class Collectors:
                     columns["agent"].append(agent.name)
                 columns["value"].append(deepcopy(fn(ctx if agent is None else agent)))
 
+    def last_numbers(self, turn: int) -> dict[str, CollectedNumbers]:
+        """Return the numbers among the last values that were due up to a turn; see `GameState.collected`."""
+        numbers: dict[str, CollectedNumbers] = {}
+        for name, one in self.by_name.items():
+            turns = one.columns["turn"]
+            due = turn - turn % one.every
+            begin = len(turns)
+            while begin and turns[begin - 1] == due:
+                begin -= 1
+            values = map(_as_number, one.columns["value"][begin:])
+            names = one.columns["agent"][begin:] if one.per == "agent" else [""]
+            found = {key: value for key, value in zip(names, values, strict=False) if value is not None}
+            if found:
+                numbers[name] = found if one.per == "agent" else found[""]
+        return numbers
+
     def tables(self) -> dict[str, dict[str, list[Any]]]:
         """Return the collected columns, by name."""
         return {name: {key: list(column) for key, column in one.columns.items()} for name, one in self.by_name.items()}
@@ -503,3 +519,9 @@ class Collectors:
             for key, (entries, length) in marks.items():
                 one.columns[key] = log_at(one.columns[key], entries, length, one.marked[key])
                 one.marked[key] = length
+
+
+def _as_number(value: object) -> float | None:
+    """Return a collected value if charts can show it; else None."""
+    number = value.item() if isinstance(value, np.generic) else value
+    return number if is_shown_number(number) else None

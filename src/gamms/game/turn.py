@@ -418,7 +418,9 @@ class TurnEngine(GameTurn):
 
     def _collect(self) -> None:
         """Collect the values of the turn."""
-        self.collectors.collect(self.state.turn, self._ctx, self.living)
+        turn = self.state.turn
+        self.collectors.collect(turn, self._ctx, self.living)
+        self.state.collected = self.collectors.last_numbers(turn)
 
     def _act(self, number: int) -> None:
         """Let rules refuse moves and deeds, and execute deeds."""

@@ -419,6 +419,7 @@ GAME_SCORES = FIELD_EVENTS["scores"].code
 GAME_BLOCKED = FIELD_EVENTS["blocked"].code
 GAME_NAMED_EDGES = FIELD_EVENTS["named_edges"].code
 GAME_DRIVEN = FIELD_EVENTS["driven"].code
+GAME_COLLECTED = FIELD_EVENTS["collected"].code
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )

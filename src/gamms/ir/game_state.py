@@ -9,7 +9,7 @@ from numbers import Real
 from operator import attrgetter
 from sys import float_info
 from types import NoneType
-from typing import Any, Self, cast
+from typing import Any, Self, TypeGuard, cast
 
 from gamms.core.copies import (
     ONLY_PLAIN,
@@ -39,7 +39,7 @@ LOGS = ("events", "errors", "deeds", "messages")
 
 _HISTORY = (
     *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
-    *(*LOGS, "marked", "named_edges", "timings", "driven"),
+    *(*LOGS, "marked", "named_edges", "timings", "driven", "collected"),
 )
 
 
@@ -300,6 +300,34 @@ def as_driven(value: object) -> dict[str, tuple[int, ...]]:
     return cast("dict[str, tuple[int, ...]]", found)
 
 
+CollectedNumbers = float | dict[str, float]
+"""The last number of a collector, or of each agent."""
+
+
+def as_collected(value: object) -> dict[str, CollectedNumbers]:
+    """Return checked numbers of collectors: name -> a number, or numbers by agent.
+
+    Raises:
+        BadType: the value is not such a mapping.
+    """
+    known = value if isinstance(value, Mapping) else {None: value}
+    each = {name: one if isinstance(one, Mapping) else {name: one} for name, one in known.items()}
+    if not all(
+        isinstance(name, str) and all(isinstance(key, str) and is_shown_number(one) for key, one in numbers.items())
+        for name, numbers in each.items()
+    ):
+        raise BadType(f"Collected numbers must be a dict of numbers, or of numbers by agent, not {shown(value)}.")
+    return cast("dict[str, CollectedNumbers]", deepcopy(dict(known)))
+
+
+def is_shown_number(value: object) -> TypeGuard[float]:
+    """Return whether a collected value can be shown in a chart: an int or a finite float, and not too large."""
+    return type(value) in (int, float) and -_LARGEST_SHOWN < cast("float", value) < _LARGEST_SHOWN
+
+
+_LARGEST_SHOWN = 1e300  # differences of two numbers fit into a float
+
+
 def _is_id(value: object) -> bool:
     return type(value) is int and -(1 << 63) <= value < 1 << 63
 
@@ -345,6 +373,7 @@ class GameState:
             agent has; replaced, never mutated.
         driven: agent that obeys turn restrictions -> the ids of the last edges that it moved along, as many as matter
             for the next turn, the latest last; they count while the agent is at the end of the last one.
+        collected: name of a collector -> its last number, or agent -> its last number; replaced, never mutated.
         facts: published facts, read-only values; this dict object is never replaced.
         agent_facts: agent -> facts published only to it.
         team_facts: team -> facts published only to it.
@@ -411,6 +440,14 @@ class GameState:
         is_seldom=True,
         axis="agent",
         event=ChangeEvent(0x0400000D, "GAME_DRIVEN", Audience.TEAM, "driven"),
+    )
+    collected: dict[str, CollectedNumbers] = game_field(
+        dict,
+        _same,
+        captured=to_plain,
+        restored=as_collected,
+        is_seldom=True,
+        event=ChangeEvent(0x0400000E, "GAME_COLLECTED", Audience.HOST, "collected"),
     )
     facts: dict[str, Any] = game_field(dict, copied_dict, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")

@@ -26,6 +26,7 @@ from gamms.text import as_text
 from gamms.typing import IArtist
 from gamms.visual.artist import ArtistGroup, state_of
 from gamms.visual.captions import UNMARKED, captions_of, ending, rises
+from gamms.visual.charts import select_charts
 from gamms.visual.drawers.marks import drawn_marks
 from gamms.visual.drawers.rules import teams_of_rules
 from gamms.visual.legend import LegendRow, blocks_of, plain_block
@@ -74,6 +75,7 @@ _SIGNS = {  # characters for the signs of legends
 _UNREAD = {  # kinds of events that no artist reads
     kinds.GAME_FACTS,
     kinds.GAME_CHANCE,
+    kinds.GAME_COLLECTED,
     kinds.GAME_PRIVATE_FACTS,
     kinds.AGENT_STRATEGY,
     kinds.AGENT_ATTRIBUTE,
@@ -283,6 +285,8 @@ class Painter:
         game = self._state.game
         scores = {as_text(of): score for of, score in dict(game.scores).items()}
         values: dict[str, Plain] = {"scores": scores, "is_over": game.over is not None}
+        if game.collected or "charts" in self._slots:
+            values["charts"] = dict[str, Plain](select_charts(game.collected))
         if self._values.get("edition") != self._edition:
             self._values["edition"] = self._edition
             values["colors"] = self._team_colors()

@@ -7,8 +7,10 @@ import pytest
 from gamms.errors import NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
-from gamms.visual.legend import LegendRow, LegendRows
-from gamms.visual.window import overlay
+from gamms.visual.camera import Camera
+from gamms.visual.charts import ChartLine, draw_chart
+from gamms.visual.legend import LegendRow, LegendRows, Pen
+from gamms.visual.window import overlay, panels
 from gamms.visual.window.input import question
 
 
@@ -239,3 +241,29 @@ def test_streets_have_their_names_close_by(open_window, monkeypatch, options, sc
     written.clear()
     ctx.visual.update()
     assert written.count("Long street") == names
+
+
+@pytest.mark.parametrize("fog", [True, "red"])
+def test_a_window_draws_what_a_game_collects_unless_it_shows_what_a_team_knows(open_window, monkeypatch, fog):
+    drawn = []
+    monkeypatch.setattr(panels, "draw_chart", lambda pen, name, lines, *_: drawn.append((name, lines)))
+    ctx = open_window(width=900, height=500, fog=fog)
+    ctx.game.collect("turns", lambda ctx: 2 * ctx.game.turn)
+    ctx.game.collect("node", lambda agent: agent.current_node_id, per="agent")
+    ctx.game.run(2)
+    ctx.visual.update()
+    if fog == "red":
+        assert drawn == []
+        return
+    charts = dict(drawn[-2:])
+    assert charts["turns"] == {"": ([1, 2], [2, 4])}
+    assert charts["node"].keys() == {"red_0", "blue_0"}
+
+
+@pytest.mark.parametrize("values", [[2.0], [1.0, 1.0], [1e299, -1e299, 0.0], list(range(3000))])
+def test_a_chart_has_its_name_its_value_and_the_ends_of_its_scale(values):
+    pen = Pen(Camera(400, 300, 0.0, 0.0, 1.0), 1.0, (0, 0, 0))
+    line = ChartLine(list(range(len(values))), values)
+    draw_chart(pen, "a chart", {"": line}, {}, (0.0, 0.0))
+    words = pen.commands.freeze().text
+    assert {"a chart", f"{values[-1]:.4g}", f"{min(values):.3g}", f"{max(values):.3g}"} <= set(words)

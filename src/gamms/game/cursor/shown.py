@@ -368,6 +368,8 @@ class ShownGame(GamesInContext):
             source.put_collectors({name: collected.get(name, one) for name, one in now.items()})
         functions = [(one, function_of_game(one, self._pointed.number)) for one in self._called.own_functions]
         ctx, memo = source.make_fork(self._ctx.seed, functions=functions)
+        made = ctx.game.internals.parts
+        made.state.collected = made.collectors.last_numbers(made.state.turn)
         ctx.reseed(self._ctx.seed, self._ctx.rng_state())
         if self._ctx.graph.storage.has_placed:
             streams = [one.graph.storage.place_stream() for one in (ctx, self._ctx)]

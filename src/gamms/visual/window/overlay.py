@@ -27,6 +27,7 @@ from gamms.visual.captions import (
     score_line,
     scores_of,
 )
+from gamms.visual.charts import ChartHistory
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, dots_in
@@ -99,6 +100,7 @@ class Overlay(Guarded):
         self.has_captions = True
         self._captions = Captions(ctx, drawing)
         self.captions: tuple[CaptionLine, ...] = ()
+        self._charts = ChartHistory()
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
@@ -115,6 +117,7 @@ class Overlay(Guarded):
     def new_timeline(self) -> None:
         """Clear all events, because another game follows."""
         self.timeline = Timeline(self._team_of)
+        self._charts = ChartHistory()
 
     def _team_of(self, name: str) -> str | None:
         agent = self._ctx.agent.agents.get(name)
@@ -128,6 +131,8 @@ class Overlay(Guarded):
             turn_seconds: how long a turn is shown.
             after_jump: whether the turns before it were not shown.
         """
+        if (game := self._ctx.current_game) is not None:
+            self._charts.note(self.turns, game.internals.state.collected)
         if after_jump:
             self._captions = Captions(self._ctx, self._drawing)
         shown_seconds = turn_seconds / self._pace.speed
@@ -269,6 +274,9 @@ class Overlay(Guarded):
         has_hint = write == self.turn_lines
         prompt = self._prompt(question)
         self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
+        if self.hud.is_shown and self._artists.fog is None:  # a team does not know what the program collects
+            lines_of_charts = self._charts.lines(self.turns)
+            self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._team_of, foot)
         card = self.card() if self.hud.is_shown else None
         if self.captions and self.hud.is_shown and not self.hud.has_help and card is None:
             self.hud.paint_captions(canvas, self.captions, foot, has_prompt=bool(prompt))

@@ -1,11 +1,11 @@
 """The panels of a window: text, the legend and small print, in the colors of a theme."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
 from gamms.typing import IContext
-from gamms.visual.appearance import Rgba
+from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
@@ -19,6 +19,7 @@ from gamms.visual.captions import (
     draw_captions,
     draw_card,
 )
+from gamms.visual.charts import HEIGHT_PX, WIDTH_PX, ChartLine, draw_chart
 from gamms.visual.font import words_width
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.themes import Theme
@@ -128,6 +129,40 @@ class Hud:
         taken = [*self.taken, (x - beside_px / 2, y - beside_px / 2, x + beside_px / 2, y + beside_px / 2)]
         left, top = min(inside, key=lambda at: sum(_overlap(_box(at[0], at[1], width, height), box) for box in taken))
         self._panel(canvas, lines, left, top)
+
+    def paint_charts(
+        self,
+        canvas: Canvas,
+        charts: Mapping[str, Mapping[str, ChartLine]],
+        colors: Mapping[str, Rgb],
+        group_of: Callable[[str], str | None],
+        foot_px: int,
+    ) -> None:
+        """Paint charts at the right edge below the legend, as many as have room above the foot.
+
+        Args:
+            canvas: the window.
+            charts: chart -> line -> its points.
+            colors: the color of each team.
+            group_of: returns the team of an agent, which gives its line a color.
+            foot_px: the height of the timeline.
+        """
+        width = round(WIDTH_PX) + 2 * _PAD_PX
+        left = canvas.width - EDGE_PX - width
+        upper = [box[3] for box in self.taken if box[2] > left and box[1] < canvas.height / 2]
+        top = round(max(upper, default=0)) + EDGE_PX
+        count = min(len(charts), int((canvas.height - max(foot_px, _FOOT_PX) - top - _PAD_PX) // HEIGHT_PX))
+        if count < 1 or left < canvas.width / 2:
+            return
+        height = round(count * HEIGHT_PX) + _PAD_PX
+        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
+        pen = _screen_pen(canvas, self.theme)
+        for row, (name, lines) in enumerate(list(charts.items())[:count]):
+            groups = {line: group_of(line) for line in lines}
+            inks = {line: colors[group] for line, group in groups.items() if group is not None and group in colors}
+            draw_chart(pen, name, lines, inks, (left + _PAD_PX, top + _PAD_PX / 2 + row * HEIGHT_PX))
+        pen.paint(canvas)
+        self.taken.append(_box(left, top, width, height))
 
     def paint_card(self, canvas: Canvas, card: ResultCard) -> None:
         """Paint how a game ended in the upper middle; in a small window, below all lines."""

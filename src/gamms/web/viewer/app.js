@@ -107,6 +107,7 @@ export class App {
     this.fitStage(); // now that the captions are known
     this.settings.renew();
     this.panel.renew(true);
+    this.panel.showCharts();
     this.needsPaint = true;
     this.whenRead();
     this.root.dataset.isRead = "true";
@@ -124,6 +125,7 @@ export class App {
     const offers = () => [replay.timeline.hasSensed, replay.timeline.hasMessages, replay.timeline.sides.size].join(), offered = offers();
     if (replay.repeats !== replay.recording.repeats || replay.state.turn >= replay.turns - 1) replay.refresh();
     while (replay.timeline.readOn(replay.recording));
+    this.panel.showCharts();
     if (offered !== offers()) this.settings.renew();
     scene.sightKey = "";
     scene.caches.clear();

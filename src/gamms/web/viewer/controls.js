@@ -102,7 +102,7 @@ export class Controls {
     }
     const { scores, isOver } = replay.state;
     const names = [...new Set([...sides.keys(), ...scores.keys()])].slice(0, 8);
-    const hasScores = scores.size > 0 || replay.timeline.scores.some((one) => one.scores.size > 0);
+    const hasScores = scores.size > 0 || replay.timeline.scores.some((one) => one.values.size > 0);
     refill(this.teams, ...names.map((name) => {
       const side = sides.get(name);
       const isForeign = app.options.audience !== undefined && app.options.audience !== name;

@@ -5,6 +5,7 @@ import { passedBy } from "./motion.js";
 import { THEMES } from "./themes.js";
 
 const MOST_ROWS = 400; // of a list
+const MOST_CHARTS = 4;
 const RENEWED_MS = 200; // while a recording plays
 
 /** @typedef {import("./app.js").App} App @typedef {import("./recording.js").Agent} Agent @typedef {import("./replay.js").Replay} Replay */
@@ -14,6 +15,8 @@ export class Panel {
   constructor(app) {
     this.app = app;
     this.renewedAt = 0;
+    this.hasShownCharts = false;
+    /** @type {(() => void)[]} */ this.painting = []; // paints the charts that were made
     this.body = element("div", { class: "body" });
     this.heading = element("h2");
     this.element = element("aside", { class: "panel card", "aria-label": "Agents and events", hidden: true },
@@ -33,7 +36,15 @@ export class Panel {
     this.app.fitStage();
   }
 
+  /** Open the panel beside a wide map once the game has charts, unless it was opened or closed before. */
+  showCharts() {
+    if (this.hasShownCharts || !this.app.isWide || this.app.views[0].replay.timeline.charts.length === 0) return;
+    this.hasShownCharts = true;
+    this.open();
+  }
+
   toggle() {
+    this.hasShownCharts = true;
     if (this.element.hidden) this.open();
     else this.close();
   }
@@ -70,11 +81,30 @@ export class Panel {
 
   /** @param {Replay} replay */
   #renewGame(replay) {
-    const chart = replay.timeline.scores.some((one) => one.scores.size > 0) ? element("canvas", { class: "chart", role: "img", "aria-label": "Scores over the turns" }) : null;
+    const chart = replay.timeline.scores.some((one) => one.values.size > 0) ? element("canvas", { class: "chart", role: "img", "aria-label": "Scores over the turns" }) : null;
     const { fog } = this.app.look;
     const blocks = [...replay.state.drawings.values()].filter((one) => fog === null || one.get("in_fog")).flatMap((one) => one.get("legend") ?? []);
-    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...blocks.filter((one) => one.get("title") || one.get("ends")).map(legendOf), ...signs(replay, blocks), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
-    if (chart) paintScores(chart, replay, this.app);
+    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...this.#charts(replay), ...blocks.filter((one) => one.get("title") || one.get("ends")).map(legendOf), ...signs(replay, blocks), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
+    if (chart) paintLines(chart, replay, this.app, replay.timeline.scores, this.app.views[0].scene.colors(this.app.look), 0);
+    for (const paint of this.painting) paint();
+  }
+
+  /** Make the charts of collected values; they are painted once they are in the page. @param {Replay} replay */
+  #charts(replay) {
+    const { app } = this, colors = new Map();
+    /** @type {(() => void)[]} */ this.painting = [];
+    if (app.look.fog !== null) return []; // a team does not know them
+    const sides = app.views[0].scene.colors(app.look);
+    for (const agent of replay.state.agents.values()) colors.set(agent.name, sides.get(agent.side));
+    const all = replay.timeline.charts, names = [...new Set(all.flatMap((one) => [...one.values.keys()]))].slice(0, MOST_CHARTS);
+    return names.map((name) => {
+      const points = all.flatMap((one) => { const values = one.values.get(name); return values === undefined ? [] : [{ turn: one.turn, values }]; });
+      const now = [...(points.filter((one) => one.turn <= app.turn).at(-1)?.values.values() ?? [])].filter((one) => typeof one === "number");
+      const words = now.length ? [...new Set([Math.min(...now), Math.max(...now)])].map(shortNumber).join(" to ") : "";
+      const canvas = element("canvas", { class: "chart small", role: "img", "aria-label": `${name} over the turns${words ? `, now ${words}` : ""}` });
+      this.painting.push(() => paintLines(canvas, replay, app, points, colors, null));
+      return element("section", { class: "collected" }, element("h3", {}, element("span", { text: name }), element("output", { text: words })), canvas);
+    });
   }
 
   /** @param {Replay} replay */
@@ -217,43 +247,56 @@ function legendOf(block) {
   return element("section", { class: "legend" }, ...(title ? [element("h3", { text: title })] : []), ...bar, ...rowsOf(block));
 }
 
-/** Paint the scores of all teams over the turns. @param {HTMLCanvasElement} chart @param {Replay} replay @param {App} app */
-function paintScores(chart, replay, app) {
-  const theme = THEMES[app.look.theme], colors = app.views[0].scene.colors(app.look);
+/**
+ * Paint values over the turns, with the least and the largest beside them, and a line at the turn that is shown.
+ * @param {HTMLCanvasElement} chart @param {Replay} replay @param {App} app
+ * @param {{turn: number, values: Map<string, any>}[]} points @param {Map<string, string | undefined>} colors by line
+ * @param {number | null} first the value before the first turn, which is in the scale; null: there is none
+ */
+function paintLines(chart, replay, app, points, colors, first) {
+  const theme = THEMES[app.look.theme];
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   const width = chart.clientWidth || 240, height = chart.clientHeight || 90;
   chart.width = width * ratio;
   chart.height = height * ratio;
   const to = /** @type {CanvasRenderingContext2D} */ (chart.getContext("2d"));
   to.scale(ratio, ratio);
-  const { scores } = replay.timeline;
-  const names = [...new Set(scores.flatMap((one) => [...one.scores.keys()]))].slice(0, 12);
-  const values = scores.flatMap((one) => [...one.scores.values()]).filter((one) => typeof one === "number");
-  const low = Math.min(0, ...values), high = Math.max(low + 1, ...values);
-  const x = (/** @type {number} */ turn) => 24 + (turn / Math.max(replay.turns, 1)) * (width - 28);
-  const y = (/** @type {number} */ score) => height - 6 - ((score - low) / (high - low)) * (height - 14);
+  const names = [...new Set(points.flatMap((one) => [...one.values.keys()]))].slice(0, 12);
+  let low = first ?? Infinity, high = first === null ? -Infinity : first + 1;
+  for (const one of points) for (const value of one.values.values()) if (typeof value === "number") [low, high] = [Math.min(low, value), Math.max(high, value)];
+  const left = first === null ? 46 : 24, span = high - low;
+  const x = (/** @type {number} */ turn) => left + (turn / Math.max(replay.turns, 1)) * (width - left - 4);
+  const y = (/** @type {number} */ value) => height - 6 - (span > 0 ? (value - low) / span : 0.5) * (height - 14);
   to.font = "10px system-ui, sans-serif";
   to.fillStyle = theme.faint;
   to.textAlign = "right";
   to.textBaseline = "middle";
-  for (const value of [low, high]) {
-    to.fillText(String(Number(value.toPrecision(3))), 18, y(value));
-    to.fillRect(22, y(value), width - 26, 0.5);
+  for (const value of new Set([low, high])) {
+    to.fillText(shortNumber(value), left - 6, y(value));
+    to.fillRect(left - 2, y(value), width - left - 2, 0.5);
   }
   for (const name of names) {
-    to.strokeStyle = colors.get(name) ?? theme.faint;
-    to.lineWidth = 2;
+    to.strokeStyle = colors.get(name) ?? (first === null ? theme.ink : theme.faint);
+    to.lineWidth = first === null ? 1.5 : 2;
     to.beginPath();
-    let last = 0;
-    to.moveTo(x(0), y(0));
-    for (const one of scores) {
-      to.lineTo(x(one.turn), y(last));
-      last = one.scores.get(name) ?? last;
-      to.lineTo(x(one.turn), y(last));
+    let last = first;
+    if (last !== null) to.moveTo(x(0), y(last));
+    for (const one of points) {
+      const value = one.values.get(name) ?? (first === null ? null : last);
+      if (last !== null) to.lineTo(x(one.turn), y(last));
+      if (value === null) last = null;
+      else to[last === null ? "moveTo" : "lineTo"](x(one.turn), y(value));
+      last = value;
     }
-    to.lineTo(x(replay.turns), y(last));
+    if (last !== null) to.lineTo(x(replay.turns), y(last));
     to.stroke();
   }
   to.fillStyle = theme.ink;
   to.fillRect(x(app.turn) - 0.5, 2, 1, height - 6);
+}
+
+/** Return a number with few digits. @param {number} value */
+function shortNumber(value) {
+  const words = String(Number(value.toPrecision(3)));
+  return words.length > 7 ? value.toExponential(1) : words;
 }

@@ -14,7 +14,8 @@ export class Timeline {
     /** @type {Map<string, Entry<Uint8Array>[]>} */ this.slots = new Map();
     /** @type {Map<string, {entry: Entry<Uint8Array>, value: any}>} */ this.opened = new Map(); // the last value of each slot that was asked for
     /** @type {Map<string, Map<string, Map<string, Entry<string | null>[]>>>} */ this.facts = new Map(); // agent -> heading -> key
-    /** @type {{turn: number, scores: Map<string, any>}[]} */ this.scores = [];
+    /** @type {{turn: number, values: Map<string, any>}[]} */ this.scores = [];
+    /** @type {{turn: number, values: Map<string, Map<string, any>>}[]} */ this.charts = []; // chart -> line -> number
     /** @type {Caption[]} */ this.captions = [];
     /** @type {Set<string>} */ this.sides = new Set();
     this.hasSensed = this.hasMessages = false;
@@ -27,7 +28,8 @@ export class Timeline {
     this.parts++;
     const { first, agents, changes, facts } = part, columns = recording.columns(part);
     for (let i = 0; i < changes.length; i += 3) put(listIn(this.slots, changes[i + 1]), first + changes[i], changes[i + 2]);
-    for (const { turn, value } of (this.slots.get("scores") ?? []).slice(this.scores.length)) this.scores.push({ turn, scores: valueOf(value) });
+    for (const { turn, value } of (this.slots.get("scores") ?? []).slice(this.scores.length)) this.scores.push({ turn, values: valueOf(value) });
+    for (const { turn, value } of (this.slots.get("charts") ?? []).slice(this.charts.length)) this.charts.push({ turn, values: valueOf(value) });
     for (let i = 0; i < facts.length; i += 5) {
       const [turn, agent, heading, key, words] = facts.slice(i, i + 5);
       const about = mapIn(this.facts, typeof agent === "number" ? agents[agent] : agent);
