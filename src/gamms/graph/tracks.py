@@ -117,7 +117,7 @@ def match_track(
     source: object, graph: IGraph, routes: RouteQueries, columns: GraphColumns, noise_m: float, within_m: float
 ) -> TrackMatch:
     """Match a file or points to a graph; see `GraphEngine.match_track`."""
-    tracks = _read_source(source, graph)
+    tracks = list(read_tracks(source, graph))
     matcher = TrackMatcher(graph, routes, columns, noise_m, within_m)
     return join_matches([(one.name, matcher.match(one)) for one in tracks])
 
@@ -441,10 +441,43 @@ _COLUMNS = {
 }
 
 
-def _read_source(source: object, graph: IGraph) -> list[TrackPoints]:
-    """Return the segments of a file, or points as one segment."""
-    if isinstance(source, (str, os.PathLike)):
-        return list(read_tracks(as_path(source, "A track"), graph))
+class _MeasuredPoints(NamedTuple):
+    """The points of a track or of its segment, as a file has them."""
+
+    name: str
+    points: FloatArray  # (points, 3) time in seconds, or NaN; latitude and longitude in degrees, or x and y
+    in_degrees: bool
+
+
+def read_tracks(source: object, graph: IGraph) -> Iterator[TrackPoints]:
+    """Yield the tracks and segments of a GPX or CSV file, or points in map units as one segment.
+
+    Raises:
+        BadType: the source is neither a file nor points.
+        MissingFile (FileNotFoundError): the file does not exist.
+        BadFile (ValueError): the file is damaged, too large, of another format, or far from the map.
+        UnknownType: its suffix is neither .gpx nor .csv.
+        BadValue: the graph has no CRS for degrees.
+    """
+    if not isinstance(source, (str, os.PathLike)):
+        yield from _read_points(source)
+        return
+    file = as_path(source, "A track")
+    read = _FORMATS.get(file.suffix.lower())
+    if read is None:
+        raise UnknownType(f"No tracks are read from {file.suffix or 'a file without a suffix'!r}: give .gpx or .csv.")
+    for name, points, in_degrees in read(file):
+        times, *places = points.T
+        try:
+            xy = graph.from_latlon(lat=places[0], lon=places[1]) if in_degrees else places
+        except BadValue as error:
+            if graph.crs is None:
+                raise
+            raise BadFile(f"{str(file)!r} cannot be used as tracks: {error}") from None
+        yield TrackPoints(name or file.stem, times, np.column_stack(xy))
+
+
+def _read_points(source: object) -> list[TrackPoints]:
     try:
         rows = np.array(source if isinstance(source, np.ndarray) else list(source))  # type: ignore[call-overload] # checked
         if rows.dtype.kind not in "iuf" or rows.ndim != 2 or rows.shape[1] not in (2, 3):
@@ -460,27 +493,8 @@ def _read_source(source: object, graph: IGraph) -> list[TrackPoints]:
     return [TrackPoints("", times.astype(np.float64), rows[:, :2].astype(np.float64))] if len(rows) else []
 
 
-def read_tracks(file: Path, graph: IGraph) -> Iterator[TrackPoints]:
-    """Yield the tracks and segments of a GPX or CSV file.
-
-    Raises:
-        MissingFile (FileNotFoundError): the file does not exist.
-        BadFile (ValueError): the file is damaged, too large, or of another format.
-        UnknownType: its suffix is neither .gpx nor .csv.
-        BadValue: the graph has no CRS for degrees.
-    """
-    if file.suffix.lower() == ".gpx":
-        for part in read_gpx(file):
-            x, y = graph.from_latlon(lat=part.latlon[:, 0], lon=part.latlon[:, 1])
-            yield TrackPoints(part.name or file.stem, part.times, np.column_stack([x, y]))
-    elif file.suffix.lower() == ".csv":
-        for name, rows in _read_csv(file, graph):
-            yield TrackPoints(name, rows[:, 0], rows[:, 1:])
-    else:
-        raise UnknownType(f"No tracks are read from {file.suffix or 'a file without a suffix'!r}: give .gpx or .csv.")
-
-
-def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
+def read_csv(file: Path) -> list[_MeasuredPoints]:
+    """Return the tracks of a CSV file; raises like `read_gpx`."""
     if not file.is_file():
         raise MissingFile("a CSV track", file)
     refuse_above(min(_PER_CSV_BYTE * file.stat().st_size, _LINE_BYTES * _MOST_POINTS), f"Reading {str(file)!r}")
@@ -491,7 +505,8 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
             reader = csv.reader(stream)
             header = next(reader, [])
             at = _columns_of(header)
-            keys = ("x", "y") if "x" in at and "y" in at else ("lat", "lon")
+            in_degrees = not {"x", "y"} <= at.keys()
+            keys = ("lat", "lon") if in_degrees else ("x", "y")
             for row in filter(None, islice(reader, _MOST_POINTS)):
                 at_line = f"line {reader.line_num}: "
                 _refuse_short(row, at, len(header))
@@ -499,22 +514,13 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 rows.setdefault(name, []).append((_time_of(row[at["time"]]) if "time" in at else nan, *place))
             is_too_long = next(reader, None) is not None
-        at_line = ""
-        found = {name: _in_map_units(np.array(one, np.float64), keys, graph) for name, one in rows.items()}
     except (csv.Error, ValueError) as error:
         raise BadFile(
             f"{str(file)!r} cannot be used as a CSV file of tracks: {at_line}{str(error).rstrip('.')}."
         ) from None
     if is_too_long:
         raise BadFile(f"{str(file)!r} has more than {_MOST_POINTS:,} rows. Split it.")
-    yield from found.items()
-
-
-def _in_map_units(points: FloatArray, keys: tuple[str, str], graph: IGraph) -> FloatArray:
-    """Convert rows (time, lat, lon) to rows (time, x, y) in map units, if `keys` says so."""
-    if keys == ("lat", "lon"):
-        points[:, 1], points[:, 2] = graph.from_latlon(lat=points[:, 1], lon=points[:, 2])
-    return points
+    return [_MeasuredPoints(name, np.array(one, np.float64), in_degrees) for name, one in rows.items()]
 
 
 def _columns_of(header: list[str]) -> dict[str, int]:
@@ -542,21 +548,7 @@ def _time_of(text: str) -> float:
         return seconds_of(text.strip())
 
 
-class GpxPart(NamedTuple):
-    """A segment or a route of a GPX file.
-
-    Attributes:
-        name: name of the track; empty if it has none.
-        latlon: (points, 2) degrees.
-        times: (points,) seconds since 1970; NaN for points without a time.
-    """
-
-    name: str
-    latlon: FloatArray
-    times: FloatArray
-
-
-def read_gpx(file: "Path") -> list[GpxPart]:
+def read_gpx(file: Path) -> list[_MeasuredPoints]:
     """Return all segments and routes of a GPX file that have points.
 
     Raises:
@@ -574,8 +566,11 @@ def read_gpx(file: "Path") -> list[GpxPart]:
         reader.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError) as error:
         raise BadFile(f"{str(file)!r} cannot be used as a GPX file: {error}.") from None
-    rows = [(name, np.array(points, np.float64)) for name, points in reader.parts if points]
-    return [GpxPart("".join(name).strip()[:_LONG], points[:, :2], points[:, 2]) for name, points in rows]
+    rows = [("".join(name).strip()[:_LONG], np.array(points)) for name, points in reader.parts if points]
+    return [_MeasuredPoints(name, points, in_degrees=True) for name, points in rows]
+
+
+_FORMATS = {".gpx": read_gpx, ".csv": read_csv}
 
 
 class _GpxReader:
@@ -610,7 +605,7 @@ class _GpxReader:
             place = float(attributes.get("lat", "nan")), float(attributes.get("lon", "nan"))
             if not (abs(place[0]) <= _MOST_LAT and abs(place[1]) <= 2.0 * _MOST_LAT):
                 raise ValueError(f"a point has no latitude and longitude: {str(attributes)[:80]}")
-            self.parts[-1][1].append([*place, nan])
+            self.parts[-1][1].append([nan, *place])
             self.count += 1
             if self.count > _MOST_POINTS:
                 raise ValueError(f"it has more than {_MOST_POINTS:,} points")
@@ -618,7 +613,7 @@ class _GpxReader:
     def _end(self, _: str) -> None:
         if self._open.pop() == "time" and self._open[-1:] and self._open[-1] in _POINTS:
             with suppress(ValueError):  # a point with an invalid time is kept
-                self.parts[-1][1][-1][2] = seconds_of("".join(self._time).strip())
+                self.parts[-1][1][-1][0] = seconds_of("".join(self._time).strip())
         self._time = []
 
     def _read(self, text: str) -> None:

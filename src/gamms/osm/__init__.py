@@ -7,8 +7,8 @@
 writes their queries and reads their answers, `servers.py` sends and caches them, and `settings.py` names the servers.
 `gamms.osm.helsinki(ctx)` uses the map that comes with the package, and needs no optional library.
 
-Read `load.py` first: it names the steps. `reader.py` reads roads, footprints and lines from the elements of a map, which
-come from a file (`osmium_reader.py`) or from answers of a server (`overpass.py`); `geojson.py` reads other files.
+Read `load.py` first: it names the steps. `reader.py` reads roads, footprints and lines from the elements of a map,
+which come from a file (`osmium_reader.py`) or from answers of a server (`overpass.py`); `geojson.py` reads other files.
 `objects.py` decides which objects count and reads their tags, `speeds.py` reads speed limits.
 `network.py` holds roads as columns, `modes.py` decides who may use them, and `areas.py` adds lines across squares.
 `mode_union.py` joins the roads of several modes. `topology.py` simplifies, merges and cuts roads, and
