@@ -455,9 +455,9 @@ def read_tracks(source: object, graph: IGraph) -> Iterator[TrackPoints]:
     Raises:
         BadType: the source is neither a file nor points.
         MissingFile (FileNotFoundError): the file does not exist.
-        BadFile (ValueError): the file is damaged, too large, of another format, or far from the map.
+        BadFile (ValueError): the file is damaged, too large, or of another format.
         UnknownType: its suffix is neither .gpx nor .csv.
-        BadValue: the graph has no CRS for degrees.
+        BadValue: the graph has no CRS for degrees, or the points are far from the map.
     """
     if not isinstance(source, (str, os.PathLike)):
         yield from _read_points(source)
@@ -468,12 +468,7 @@ def read_tracks(source: object, graph: IGraph) -> Iterator[TrackPoints]:
         raise UnknownType(f"No tracks are read from {file.suffix or 'a file without a suffix'!r}: give .gpx or .csv.")
     for name, points, in_degrees in read(file):
         times, *places = points.T
-        try:
-            xy = graph.from_latlon(lat=places[0], lon=places[1]) if in_degrees else places
-        except BadValue as error:
-            if graph.crs is None:
-                raise
-            raise BadFile(f"{str(file)!r} cannot be used as tracks: {error}") from None
+        xy = graph.from_latlon(lat=places[0], lon=places[1]) if in_degrees else places
         yield TrackPoints(name or file.stem, times, np.column_stack(xy))
 
 
@@ -512,6 +507,8 @@ def read_csv(file: Path) -> list[_MeasuredPoints]:
                 _refuse_short(row, at, len(header))
                 name = from_cell(row[at["agent"]]) if "agent" in at else file.stem
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
+                if in_degrees:
+                    _check_degrees(*place)
                 rows.setdefault(name, []).append((_time_of(row[at["time"]]) if "time" in at else nan, *place))
             is_too_long = next(reader, None) is not None
     except (csv.Error, ValueError) as error:
@@ -539,6 +536,12 @@ def _refuse_short(row: list[str], at: dict[str, int], columns: int) -> None:
     """Refuse a row that ends before a column that is read (ValueError)."""
     if len(row) <= max(at.values()):
         raise ValueError(f"it has {len(row)} of the {columns} columns")
+
+
+def _check_degrees(lat: float, lon: float) -> None:
+    for name, most, value in (("lat", _MOST_LAT, lat), ("lon", 2.0 * _MOST_LAT, lon)):
+        if not abs(value) <= most:  # also of a point without it, which is NaN
+            raise ValueError(f"{name} must lie between -{most:g} and {most:g} degrees, not {value}")
 
 
 def _time_of(text: str) -> float:
@@ -603,8 +606,7 @@ class _GpxReader:
             self.parts.append((self._name, []))
         elif name in _POINTS:
             place = float(attributes.get("lat", "nan")), float(attributes.get("lon", "nan"))
-            if not (abs(place[0]) <= _MOST_LAT and abs(place[1]) <= 2.0 * _MOST_LAT):
-                raise ValueError(f"a point has no latitude and longitude: {str(attributes)[:80]}")
+            _check_degrees(*place)
             self.parts[-1][1].append([nan, *place])
             self.count += 1
             if self.count > _MOST_POINTS:
