@@ -441,47 +441,47 @@ class _Guard:
             self._idle.answered(client)
 
     async def _answer(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
-        if not self._is_own(scope):
-            await _refuse(scope, receive, send)
-            return
+        from starlette.datastructures import MutableHeaders
+        from starlette.responses import PlainTextResponse
+        from starlette.websockets import WebSocketClose
 
         async def send_with_headers(message: "Message") -> None:
             if message["type"] == "http.response.start":
-                message = {**message, "headers": [*message["headers"], *_HEADERS]}
+                MutableHeaders(scope=message).update(_HEADERS)
             await send(message)
 
-        await self._application(scope, receive, send_with_headers)
+        answer = self._application
+        if not self._is_own(scope):
+            refusal = PlainTextResponse("This is not the page of this server.", 403)
+            answer = WebSocketClose(_TOO_MUCH) if scope["type"] == "websocket" else refusal
+        await answer(scope, receive, send_with_headers)
 
     def _is_own(self, scope: "Scope") -> bool:
-        """Return whether a request is for this host, and has no origin or the origin of this host."""
-        headers = scope["headers"]
-        hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
-        origins = [value.decode("latin-1") for name, value in headers if name == b"origin"]
+        """Return whether a request is for this host, and has no origin or the origin of this host.
+
+        `TrustedHostMiddleware` takes any port, takes the first of several hosts, and does not know origins.
+        """
+        from starlette.datastructures import Headers
+
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        origins = headers.getlist("origin")
         if len(hosts) != 1 or len(origins) > 1 or (self._names is not None and hosts[0] not in self._names):
             return False
         return not origins or origins[0] in (f"http://{hosts[0]}", f"https://{hosts[0]}")
 
 
-_HEADERS = [
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cache-control", b"no-store"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-]
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+}
 
 
 def _client_of(scope: "Scope") -> Client:
     return tuple(scope["client"] or ("", 0))
-
-
-async def _refuse(scope: "Scope", receive: "Receive", send: "Send") -> None:
-    if scope["type"] == "websocket":
-        await receive()
-        await send({"type": "websocket.close", "code": _TOO_MUCH})
-        return
-    await send({"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain"), *_HEADERS]})
-    await send({"type": "http.response.body", "body": b"This is not the page of this server."})
 
 
 class _SiteRouter:
