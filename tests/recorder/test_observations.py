@@ -163,6 +163,29 @@ def test_what_was_not_observed_is_refused(game):
         recording.observation(2, "late")
 
 
+def test_agents_are_listed_once_unless_looks_differ_about_their_nodes():
+    numbers = {"anna": 300, "bert": 2, "carl": 1}
+    reports = [
+        (300, {"eyes": (SensorType.AGENT, {"bert": 7, "carl": 9})}),
+        (2, {"eyes": (SensorType.AGENT, {"anna": 4, "carl": 9}), "ears": (SensorType.AGENT, {})}),
+        (1, {"eyes": (SensorType.AGENT, {"bert": 70_000})}),
+    ]
+    looks = list(sensed.take_looks(reports, numbers, numbers))
+    data = sensed.columns_of(looks, FieldTable(), 0)
+    assert data["seen"].tolist() == [1, 2, 300]
+    assert data["seen_at"].tolist() == [9, 70_000, 4]
+    assert data["ids"].tolist() == [2, 1, 7, 9, 2, 0, 1]
+    flat = [(number, look) for number, own in looks for look in own]
+    assert sensed.looks_of(data) == flat
+    assert sensed.looks_of(data, 2) == flat[1:3]
+    renumbered = sensed.looks_of(sensed.renumbered(data, lambda number: number + 1000))
+    assert [look.first for _, look in renumbered] == [[1002, 1001], [1300, 1001], [], [1002]]
+    assert [look.second for _, look in renumbered] == [look.second for _, look in flat]
+    for key, value in (("seen", np.array([1])), ("seen_at", np.array([0.5] * 3)), ("ids", np.array([-1] * 7))):
+        with pytest.raises((ValueError, TypeError, IndexError)):
+            sensed.looks_of({**data, key: value})
+
+
 def test_damaged_columns_are_refused():
     looks = sensed.take_looks([(0, {"near": (SensorType.NEIGHBOR, [1, 2])})], {"anna": 0}, {"anna": 0})
     data = sensed.columns_of(looks, FieldTable(), 0)

@@ -106,6 +106,10 @@ def _covered_by(sensor: ISensor, agent: IAgent, on_edges: Places) -> IntArray:
         return _NONE
 
 
+def _as_recorded(place: Place) -> Place:
+    return place if isinstance(place, int) else (float(place[0]), float(place[1]))
+
+
 def _nodes_near(graph: IGraph, place: Place, radius: float) -> IntArray:
     if isinstance(place, int):
         x, y = graph.positions([place])[0].tolist()
@@ -129,13 +133,13 @@ class FieldFinder:
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self._known: dict[Any, SensorField | None] = {}
-        self._alike: dict[str, Any] = {}  # sensor -> a key of sensors with equal fields; None: it has none
+        self._radii: dict[str, tuple[float, bool] | None] = {}  # sensor -> its range, and whether its field is a disc
         self._on_edges: Places = {}
 
     def forget(self) -> None:
         """Find all fields again, because sensors or the map have changed."""
         self._known.clear()
-        self._alike.clear()
+        self._radii.clear()
 
     def note_places(self) -> None:
         """Take the present positions of agents between nodes."""
@@ -145,33 +149,34 @@ class FieldFinder:
         """Return the field of a sensor; None if it has none, or there is no sensor."""
         if sensor is None:
             return None
-        if sensor.sensor_id not in self._alike:
+        if sensor.sensor_id not in self._radii:
             is_built_in = bool(getattr(sensor, "sees_world_only", False)) and hasattr(sensor, "reports_all")
-            has_field = is_built_in and isfinite(getattr(sensor, "range", inf))
-            own = sensor.sensor_id if sensor.looks_alike is None else sensor.looks_alike
-            self._alike[sensor.sensor_id] = own if has_field else None
-        alike = self._alike[sensor.sensor_id]
-        if alike is None:
+            radius = float(getattr(sensor, "range", inf)) if is_built_in else inf
+            is_disc = bool(getattr(sensor, "covers_disc", False))
+            self._radii[sensor.sensor_id] = (radius, is_disc) if isfinite(radius) else None
+        radius_and_form = self._radii[sensor.sensor_id]
+        if radius_and_form is None:
             return None
+        radius, is_disc = radius_and_form
         place, direction = find_pose(sensor, agent)
         on_edge = None if getattr(sensor, "at", None) is not None else self._on_edges.get(agent.name)
-        key = alike, place, direction, on_edge
+        if is_disc:
+            return SensorField(_as_recorded(on_edge or place), radius, b"")
+        key = sensor.sensor_id, place, direction, on_edge
         if key not in self._known:
             if len(self._known) >= _MOST_KNOWN:
                 self._known.clear()
-            self._known[key] = self._describe(sensor, agent, on_edge or place)
+            self._known[key] = self._describe(sensor, agent, on_edge or place, radius)
         return self._known[key]
 
-    def _describe(self, sensor: ISensor, agent: IAgent, place: Place) -> SensorField | None:
-        radius = float(getattr(sensor, "range", inf))
+    def _describe(self, sensor: ISensor, agent: IAgent, place: Place, radius: float) -> SensorField | None:
         covered = _covered_by(sensor, agent, self._on_edges)
         near = _nodes_near(self._ctx.graph.graph, place, radius)
         is_covered = np.isin(near, covered, assume_unique=True)
         if np.count_nonzero(is_covered) != len(covered):
             return None
         hidden = b"" if is_covered.all() else np.packbits(~is_covered).tobytes()
-        at = place if isinstance(place, int) else (float(place[0]), float(place[1]))
-        return SensorField(at, radius, hidden)
+        return SensorField(_as_recorded(place), radius, hidden)
 
 
 class FieldTable:

@@ -13,8 +13,9 @@ from gamms.typing import AgentType, IGraph
 
 Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 
-# Forms of data: node ids; nodes and edges; agents and nodes; anything else; agents in 3D, and the nodes below.
-_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE = range(5)
+# Forms of data: node ids; nodes and edges; agents and nodes; anything else; agents in 3D, and the nodes below; and, in
+# encoded data only, agents as places in the list of all agents that the looks report, with their nodes.
+_IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE, _LISTED = range(6)
 WITH_OTHER = (_OTHER, _IN_SPACE)
 _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # their data are (type, position) for each agent
 # Types whose ids are node ids, and whose names are agent names; custom types may differ.
@@ -22,6 +23,7 @@ _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLU
 _OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
 _INT = frozenset({int})
+_UNSIGNED = 1 << 32
 _INT64 = range(-(1 << 63), 1 << 63)
 
 
@@ -75,13 +77,21 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
     """
     agents, counts, which, forms, sizes, ids, others, covered = [list[Any]() for _ in range(8)]
     sensors: dict[tuple[str, str], int] = {}
-    for agent, own in observers:
+    looked = list(observers)
+    seen = _find_seen(looked)
+    place_of = {agent: place for place, agent in enumerate(seen)}
+    for agent, own in looked:
         agents.append(agent)
         counts.append(len(own))
         for sensor, kind, form, first, second, other, field in own:
             which.append(sensors.setdefault((sensor, kind), len(sensors)))
-            forms.append(form)
             covered.append(field)
+            if form == _AGENTS and list(map(seen.get, first)) == second:
+                forms.append(_LISTED)
+                sizes.append((len(first), 0))
+                ids += map(place_of.__getitem__, first)
+                continue
+            forms.append(form)
             sizes.append((len(first), len(second)))
             ids += first
             ids += second
@@ -89,15 +99,37 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
                 others.append(other)
     return {
         "agents": np.array(agents, np.int64),
-        "counts": np.array(counts, np.int64),
+        "counts": _narrow(np.array(counts, np.int64)),
         "sensors": list(sensors),
-        "which": np.array(which, np.int64),
+        "which": _narrow(np.array(which, np.int64)),
         "forms": np.array(forms, np.uint8),
-        "sizes": np.array(sizes, np.int64).reshape(-1, 2),
-        "ids": np.array(ids, np.int64),
+        "sizes": _narrow(np.array(sizes, np.int64).reshape(-1, 2)),
+        "ids": _narrow(np.array(ids, np.int64)),
         "others": others,
+        **(
+            {"seen": np.array(list(seen), np.int64), "seen_at": _narrow(np.array(list(seen.values()), np.int64))}
+            if seen
+            else {}
+        ),
         **fields.write(covered, turn),
     }
+
+
+def _find_seen(observers: Iterable[tuple[int, list[Look]]]) -> dict[int, int]:
+    """Return the number of each agent that looks report at a node, ascending, and its node in the last look."""
+    found: dict[int, int] = {}
+    for _, own in observers:
+        for look in own:
+            if look.form == _AGENTS:
+                found.update(zip(look.first, look.second, strict=True))
+    return dict(sorted(found.items()))
+
+
+def _narrow(numbers: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
+    """Return integers of as few bytes as all of them need, if none is negative."""
+    if not numbers.size or numbers.min() < 0 or numbers.max() >= _UNSIGNED:
+        return numbers
+    return numbers.astype(np.min_scalar_type(int(numbers.max())))
 
 
 def looks_of(
@@ -131,6 +163,12 @@ def looks_of(
         other = data["others"][others[row] - 1] if form in WITH_OTHER else None
         first = data["ids"][begin:middle].tolist()
         second = data["ids"][middle:end].tolist()
+        if form == _LISTED:
+            form = _AGENTS
+            if first and min(first) < 0:
+                raise ValueError("it lists an agent at a negative place")
+            if first:
+                first, second = (_ints(data[key])[first].tolist() for key in ("seen", "seen_at"))
         field = None if covered is None else covered[row]
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other, field)))
     return found
@@ -146,12 +184,15 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
     """
-    ids = data["ids"].copy()
+    ids = data["ids"].astype(np.int64)
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
     for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():
         part = slice(ends[2 * row - 1] if row else 0, ends[2 * row])
         ids[part] = [number_of(number) for number in ids[part].tolist()]
-    return {**data, "ids": ids}
+    found = {**data, "ids": ids if data["ids"].dtype == np.int64 else _narrow(ids)}
+    if "seen" in data:
+        found["seen"] = np.array([number_of(number) for number in data["seen"].tolist()], np.int64)
+    return found
 
 
 def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:

@@ -219,6 +219,11 @@ class DetectingSensor(Sensor):
         return self._notice is not None and self._notice.has_errors
 
     @property
+    def covers_disc(self) -> bool:
+        """Whether it covers all nodes within its range."""
+        return False
+
+    @property
     def _is_all_around(self) -> bool:
         """Whether it looks in all directions around its agent."""
         return False

@@ -403,7 +403,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     @property
     def _is_all_around(self) -> bool:
-        return self.fov == FULL_CIRCLE and self._at is None and not self._is_occluded
+        return self.covers_disc and self._at is None
+
+    @property
+    def covers_disc(self) -> bool:
+        """Whether it covers all nodes within its range."""
+        return self._is_ours and self.fov == FULL_CIRCLE and not self._is_occluded
 
     @property
     def _is_convex(self) -> bool:
