@@ -181,8 +181,10 @@ def test_the_isochrone_of_a_mode_has_the_edges_and_times_of_the_mode(world, tmp_
     assert [(part.edge, part.end) for part in walked.parts] == [(0, 0.05), (1, 0.05)]
     assert [(part.edge, part.end) for part in driven.parts] == [(0, 0.5)]
     assert every.parts == walked.parts
-    with pytest.raises(UnknownName, match="Unknown edge 1"):
+    with pytest.raises(BadValue, match="Mode 'drive' may not use edge 1: start from a node or an edge of the mode"):
         world.graph.isochrone({"edge": 1}, 3.6, mode="drive")
+    with pytest.raises(UnknownName, match="Unknown edge 99"):
+        world.graph.isochrone({"edge": 99}, 3.6, mode="drive")
     world.graph.export(tmp_path / "cars.csv", mode="drive")
     with (tmp_path / "cars_edges.csv").open(newline="") as file:
         (car,) = csv.DictReader(file)

@@ -232,6 +232,7 @@ def test_a_context_has_the_attributes(town):
         ([], BadValue, "empty list"),
         (["walk", "walk"], BadValue, "two modes with the name 'walk'"),
         (["walk", "car"], BadType, "not 'car'"),
+        ("walk, drive", BadType, r"not 'walk, drive'. Several modes are a list: \[walk, drive\]"),
         (["walk", ["drive"]], BadType, "not \\['drive'\\]"),
         (["walk", lambda tags: None], BadValue, "cannot have the name '<lambda>'"),
     ],

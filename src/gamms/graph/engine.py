@@ -257,11 +257,14 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
             writes it as GeoJSON, and `draw` is a drawer for `ctx.visual.add_artist`.
 
         Raises:
-            UnknownName (KeyError): the node, the weight or the mode does not exist; or the edge, for this mode.
-            BadValue (ValueError): a limit is negative or infinite, the share exceeds 1, or the width is not positive.
+            UnknownName (KeyError): the node, the edge, the weight or the mode does not exist.
+            BadValue (ValueError): a limit is negative or infinite, the share exceeds 1, the width is not positive; or
+                the mode may not use the edge.
         """
-        from gamms.graph.isochrones import find_isochrones
+        from gamms.graph.isochrones import find_isochrones, refuse_closed_edge
 
+        if mode is not None:
+            refuse_closed_edge(self.graph, self._select_mode(mode), source, mode)
         return find_isochrones(self._select_mode(mode), source, limits, weight, width, self.attribution)
 
     def _select_mode(self, mode: "str | Mapping[str, str] | None") -> Graph:

@@ -194,6 +194,27 @@ def find_isochrones(
     return Isochrones(found, weight, columns.crs, attribution)
 
 
+def refuse_closed_edge(whole: Graph, usable: Graph, source: Source, mode: object) -> None:
+    """Refuse a place on an edge that a mode may not use.
+
+    Args:
+        whole: the graph of all modes.
+        usable: that of the mode.
+        source: a node, or the place.
+        mode: the mode, for the message.
+
+    Raises:
+        BadValue: the mode may not use the edge.
+    """
+    edge = source.get("edge") if isinstance(source, Mapping) else None
+    graphs = (whole, usable)
+    has_it = [isinstance(edge, int) and edge in graph.columns().edge_ids for graph in graphs]
+    if has_it == [True, False]:
+        raise BadValue(
+            f"Mode {shown(mode)} may not use edge {edge}: start from a node or an edge of the mode, or leave out mode=."
+        )
+
+
 def _starts_on(columns: GraphColumns, source: Mapping[str, Any]) -> list[_Start]:
     """Return a place on an edge, and the same place on the edge of the opposite direction if there is one."""
     for key in source:

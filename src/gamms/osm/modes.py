@@ -492,6 +492,13 @@ def keys_of(mode: ModeFunction) -> tuple[str, ...]:
     return (*ROADS, *NETWORK_KEYS) if is_choosy else ROADS
 
 
+def explain_name(value: object, known: Iterable[str]) -> str:
+    """Return the way out for a value that is no mode: a list for several names in one text, else the nearest name."""
+    if isinstance(value, str) and "," in value:
+        return f" Several modes are a list: [{', '.join(name.strip() for name in value.split(','))}]."
+    return nearest(value, known)
+
+
 def as_mode(value: object) -> ModeFunction:
     """Return a mode of travel from an `OSMType`, a name, a `Mode`, a function or a dict of the tags of a network.
 
@@ -508,7 +515,7 @@ def as_mode(value: object) -> ModeFunction:
         raise BadType(
             "osm_type must be OSMType.WALK, BIKE or DRIVE, one of the names "
             f"{', '.join(_shipped())}, a Mode, a function, a dict of tags or a list of these, not {shown(value)}."
-            f"{nearest(value, _shipped())}"
+            f"{explain_name(value, _shipped())}"
         )
     return mode
 

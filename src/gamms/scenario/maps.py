@@ -12,7 +12,7 @@ from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
-from gamms.osm.modes import ModeFunction, as_mode
+from gamms.osm.modes import ModeFunction, as_mode, explain_name
 from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
@@ -106,7 +106,7 @@ def mode_of(map: Map, folder: Path | None) -> ModeFunction | list[ModeFunction] 
     with at(f"map.{kind}.osm_type"):
         for one in given.osm_type if isinstance(given.osm_type, list) else [given.osm_type]:
             if isinstance(one, str) and one not in known:
-                raise BadValue(f"there is no mode of travel {one!r}.{nearest(one, known)}")
+                raise BadValue(f"there is no mode of travel {one!r}.{explain_name(one, known)}")
             found.append(known[one] if isinstance(one, str) else as_mode(one))
     return found if isinstance(given.osm_type, list) else found[0]
 
