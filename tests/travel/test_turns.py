@@ -9,7 +9,7 @@ import gamms
 from gamms import belief, rl, solve, strategies
 from gamms.errors import BadType, BadValue, NoPath
 from gamms.game import IllegalAction
-from gamms.rules import tag
+from gamms.rules import Conflicts, tag
 from gamms.scenario import Scenario, ScenarioError
 
 CAR = {"attribute": "drive", "turns": True}
@@ -492,8 +492,8 @@ def test_strategies_that_do_not_know_turns_refuse(corner, make):
             "'car' obeys .* one edge per turn",
         ),
         (
-            lambda ctx: setattr(ctx.game, "speed_unit", "metres"),
-            "'car' obeys .* one edge per turn",
+            lambda ctx: (setattr(ctx.game, "speed_unit", "metres"), setattr(ctx.game, "decide", "arrival")),
+            "'car' obeys .* decide='turn'",
         ),
         (lambda ctx: setattr(ctx.game, "legal", "any"), "moves need no edges"),
     ],
@@ -588,8 +588,9 @@ def test_where_an_agent_can_be_follows_from_the_edges_that_it_can_have_driven(se
         assert len(sizes) > 3
 
 
-def test_beliefs_about_agents_that_obey_turns_have_no_probabilities_and_no_speeds(corner):
-    asked = [lambda found: found.probability("car"), lambda found: found.reachable("car", speed=2.0)]
+def test_beliefs_about_agents_that_obey_turns_have_no_probabilities_and_ignore_turns_with_speeds(corner):
+    asked = [lambda found: found.probability("car"), lambda found: reached.append(found.reachable("car", speed=2.0))]
+    reached = []
     eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
 
     def watch(state):
@@ -601,8 +602,8 @@ def test_beliefs_about_agents_that_obey_turns_have_no_probabilities_and_no_speed
     with pytest.raises(BadValue, match="does not know turn restrictions"):
         corner.game.step()
     del asked[0]
-    with pytest.raises(BadValue, match="move along one edge per turn"):
-        corner.game.step()
+    corner.game.step()
+    assert reached == [{1, 2, 3}]
 
 
 def test_the_mode_says_in_all_forms_that_turns_count(corner, town):
@@ -621,3 +622,169 @@ def test_the_mode_says_in_all_forms_that_turns_count(corner, town):
         assert ctx.agent.get_agent("cars_0").mode == "drive with turns"
     with pytest.raises(ScenarioError, match="turns"):
         Scenario(map={"file": "town.gamms"}, max_turns=2, teams={"a": {"mode": {**CAR, "turns": 3}}}, folder=town)
+
+
+# -- by metres --------------------------------------------------------------------------------------------------------
+
+
+def follow_signs(ctx, roads, lengths, history):
+    """Check the edges that agents have entered in the last turn, and note them; return how many there are."""
+    entered = 0
+    for agent in ctx.agent.create_iter():
+        own = history[agent.name]
+        for leg in ctx.game.tracks([agent])[0].legs:
+            assert leg.begin <= leg.end  # no agent turns back on an edge
+            if leg.begin == 0.0 < leg.end:
+                assert leg.edge in list_legal(roads, lengths, own, leg.source)
+                own.append(leg.edge)
+                entered += 1
+    return entered
+
+
+def move_anyhow(state):
+    """Take a random legal node or edge, go on along two random nodes, or stop."""
+    kind = state.draw.below(5)
+    if kind == 0:
+        state["action"] = None
+    elif kind == 1 and state.legal_edges:
+        state["action"] = {"edge": state.legal_edges[state.draw.below(len(state.legal_edges))]}
+    else:
+        state["action"] = state.legal[state.draw.below(len(state.legal))]
+
+
+UNITS = {
+    "metres": {"speed_unit": "metres"},
+    "seconds": {"speed_unit": "metres_per_second", "turn_seconds": 2.0},
+    "conflicts": {"speed_unit": "metres", "conflicts": Conflicts(1)},
+}
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("seed", range(3))
+def test_random_moves_by_metres_make_no_forbidden_turn(seed, unit):
+    roads = draw_roads(seed)
+    with open_town(roads, seed) as ctx:
+        for name, value in UNITS[unit].items():
+            setattr(ctx.game, name, value)
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        speeds = [4.0, 13.0, 10.0, 37.5, np.inf, None]
+        for number, speed in enumerate(speeds):
+            ctx.agent.create_agent(
+                f"car_{number}", start_node_id=2 * number, speed=speed, mode=CAR, strategy=move_anyhow
+            )
+        history = {agent.name: [] for agent in ctx.agent.create_iter()}
+        entered = 0
+        for _ in range(60):
+            ctx.game.step()
+            entered += follow_signs(ctx, roads, lengths, history)
+            for agent in ctx.agent.create_iter():
+                here = agent.current_node_id
+                if agent.edge is None and not list_legal(roads, lengths, history[agent.name], here):
+                    agent.current_node_id = (here + 7) % (SIDE * SIDE)  # the signs leave no way: place it elsewhere
+                    history[agent.name].clear()
+        assert entered > 150
+        assert ctx.game.errors == []
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_shipped_strategies_by_metres_make_no_forbidden_turn(seed):
+    roads = draw_roads(seed)
+    draw = random.Random(seed)
+    with open_town(roads, seed) as ctx:
+        ctx.game.speed_unit = "metres"
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        for number, (name, make) in enumerate(GOING.items()):
+            ctx.agent.create_agent(
+                name,
+                start_node_id=number,
+                mode=CAR,
+                speed=7.0 + 3.0 * number,
+                team="ab"[number % 2],
+                strategy=make(ctx, draw),
+                sensors={"eyes": gamms.sensor.agent_range(range_m=25)},
+            )
+        history = {name: [] for name in GOING}
+        entered = 0
+        for _ in range(40):
+            ctx.game.step()
+            entered += follow_signs(ctx, roads, lengths, history)
+        assert entered > 100
+        assert ctx.game.errors == []
+
+
+def test_the_legal_nodes_by_metres_are_those_of_all_walks_that_obey(corner):
+    corner.game.speed_unit = "metres"
+    agent = corner.agent.create_agent("car", start_node_id=0, speed=25.0, mode=CAR)
+    legal = corner.game.internals.parts.turns.legal
+    assert legal(["car"]) == {"car": (0, 1, 2)}  # the turn from 0 over 1 to 3 is forbidden
+    agent.speed = 40.0
+    assert legal(["car"]) == {"car": (0, 1, 2, 3)}  # 0, 1, 2, and back over 1 to 3
+
+
+def test_an_agent_on_an_edge_goes_on_to_its_end(corner):
+    corner.game.speed_unit = "metres"
+    seen = []
+
+    def drive(state):
+        seen.append((state.legal, state.legal_edges, state["edge"]))
+        state["action"] = 1
+
+    corner.agent.create_agent("car", start_node_id=0, speed=4.0, mode=CAR, strategy=drive)
+    for _ in range(2):
+        corner.game.step()
+    assert seen[1] == ((1, 2), (0,), (0, 1, 0))
+    car = corner.agent.get_agent("car")
+    corner.game.on_illegal = "raise"
+    for back in ([0], [2]):
+        car.strategy = lambda state, back=back: state.update(action=back)
+        with pytest.raises(IllegalAction, match="does not turn back on an edge"):
+            corner.game.step()
+
+
+def test_a_list_of_nodes_takes_the_parallel_edge_from_which_it_may_go_on():
+    roads = [(7, (0, 1), 9.0, [2]), (5, (0, 1), 10.0, []), (3, (1, 0), 10.0, []), (2, (1, 2), 10.0, [])]
+    with open_fork(roads) as ctx:
+        ctx.game.speed_unit = "metres"
+        agent = ctx.agent.create_agent("car", start_node_id=0, speed=30.0, mode=CAR)
+        for action, edges in (([1, 2], [5, 2]), (2, [5, 2]), ([1], [7])):
+            agent.current_node_id = 2
+            agent.current_node_id = 0
+            agent.strategy = lambda state, action=action: state.update(action=action)
+            ctx.game.step()
+            assert [leg.edge for leg in ctx.game.tracks([agent])[0].legs] == edges
+
+
+def test_a_game_by_metres_is_the_same_in_a_batch_from_a_snapshot_and_in_its_recording(town, tmp_path):
+    cars = {"count": 3, "mode": CAR, "speed": 17.0, "strategy": "gamms.strategies:random_waypoints"}
+    scenario = Scenario(
+        map={"file": "town.gamms"}, max_turns=12, teams={"cars": cars}, settings={"speed_unit": "metres"}, folder=town
+    )
+    with scenario.batch(3) as games:
+        games.run()
+        for number, seed in enumerate(games.seeds):
+            assert games.result(number) == scenario.play(seed=seed)
+    with scenario.build(seed=4) as ctx:
+        for _ in range(5):
+            ctx.game.step()
+        assert any(agent.edge is not None for agent in ctx.agent.create_iter())
+        middle = ctx.game.snapshot()
+        ends = []
+        for _ in range(2):
+            for _ in range(6):
+                ctx.game.step()
+            cars = [*ctx.agent.create_iter()]
+            ends.append([(car.current_node_id, car.edge, car.offset_m) for car in cars])
+            ends.append(dict(ctx.game.internals.state.driven))
+            ctx.game.restore(middle)
+        assert ends[:2] == ends[2:]
+    with scenario.build(seed=4) as ctx:
+        ctx.record.start(tmp_path / "game.ggr")
+        known = []
+        for _ in range(8):
+            known.append(ctx.game.internals.parts.turns.legal([agent.name for agent in ctx.agent.create_iter()]))
+            ctx.game.step()
+        ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        for turn, legal in enumerate(known):
+            with recording.resume(turn) as again:
+                assert again.game.internals.parts.turns.legal([*legal]) == legal

@@ -30,7 +30,7 @@ from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random
 from gamms.belief.reach import ReachBounds, ReachByTurns
 from gamms.context import Context
 from gamms.core import belief as core
-from gamms.errors import BadValue, TooLarge
+from gamms.errors import TooLarge
 from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
@@ -158,11 +158,13 @@ class Belief:
         for has_pace, mode in dict.fromkeys(kinds):
             lines = [line for line, kind in enumerate(kinds) if kind == (has_pace, mode)]
             names = tuple(targets[line] for line in lines)
-            if mode is not None and split_mode(mode)[1]:
-                found[lines] = self._reached_with_turns(names, split_mode(mode)[0], has_pace=has_pace)
+            attribute, obeys_turns = (None, False) if mode is None else split_mode(mode)
+            if obeys_turns and not has_pace:
+                found[lines] = self._reached_with_turns(names, str(attribute))
                 continue
             speeds = [(paces[line] or 0.0) * turns for line in lines]
-            labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), mode, has_pace and in_metres)
+            # with a speed, turn restrictions exclude nothing here
+            labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), attribute, has_pace and in_metres)
             found[lines] = labels > -np.inf
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
@@ -189,13 +191,11 @@ class Belief:
         labels = self._folded(key, reach.anywhere(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
-    def _reached_with_turns(self, targets: tuple[str, ...], mode: str, *, has_pace: bool) -> BoolArray:
+    def _reached_with_turns(self, targets: tuple[str, ...], mode: str) -> BoolArray:
         """Return the nodes (targets, nodes) that targets can have reached who obey the turn restrictions of a mode.
 
         Where roads were closed meanwhile, other turns were legal: then restrictions exclude nothing.
         """
-        if has_pace:
-            raise BadValue("Agents that obey turn restrictions move along one edge per turn: leave out speed=.")
         if any(seen.closed for seen in self._turns.values()):
             return self._reached(targets, [1.0] * len(targets), mode, in_metres=False) > -np.inf
         ground = belief_map_of(self._ctx.graph.columns())

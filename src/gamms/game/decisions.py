@@ -577,7 +577,7 @@ class Decisions(Answers):
                 self.make_paths()
                 self.paths.walk(i, resolved.path, resolved.progress)
             is_step = resolved.heading == () and resolved.deeds is None and resolved.edge is None
-            if slot.flies or not is_step:
+            if slot.flies or slot.obeys_turns or not is_step:
                 self.actions[i] = resolved
 
     def make_paths(self) -> None:

@@ -314,7 +314,7 @@ class Slots(Sequence[AgentSlot]):
         have_modes = any(mode is not None for mode in block.modes)
         if have_modes:
             refuse_modes(settings.legal)
-            has_pace = has_speed | travels | (settings.decide == "arrival")
+            has_pace = (has_speed & (not travels)) | (settings.decide == "arrival")
             refuse_turns(
                 [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True) if has_pace[row]]
             )
@@ -508,7 +508,10 @@ def refuse_modes(legal: str) -> None:
 
 
 def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
-    """Refuse agents that obey turn restrictions and do not move along one edge per turn, given names and modes.
+    """Refuse agents that obey turn restrictions and move by speeds in edges, or decide on arrival.
+
+    Args:
+        agents: names and modes.
 
     Raises:
         BadValue: one of the modes says that its agents obey turn restrictions.
@@ -520,9 +523,10 @@ def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
         if obeys_turns:
             raise BadValue(
                 f"Agent {shown(name)} obeys turn restrictions (mode {mode!r}), and such agents move along one edge per "
-                "turn: give it no speed, and leave the settings speed_unit='edges' and decide='turn'. Or make it an "
-                f"agent with mode={attribute!r} and a speed, whose action is the rest of one route that obeys: "
-                f"ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes the cheapest."
+                "turn, or by metres: give it no speed, or set speed_unit='metres' or 'metres_per_second', and leave "
+                f"decide='turn'. Or make it an agent with mode={attribute!r} and a speed, whose action is the rest of "
+                f"one route that obeys: ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes "
+                "the cheapest."
             )
 
 

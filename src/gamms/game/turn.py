@@ -880,8 +880,8 @@ class TurnEngine(GameTurn):
             slot = turn.slots[i]
             if action.heading != ():
                 block.set(slot.row, "heading", action.heading)
-            if slot.obeys_turns and turn.find_track(i).legs:
-                self.legality.drive_on(slot, action.edge)
+            if slot.obeys_turns:
+                self.legality.drive_on(slot, turn.find_track(i).legs)
             if slot.flies:
                 slot.counts["moves"] += action.position not in (None, block.flights.position_of(slot.row))
                 if action.position is not None:

@@ -116,7 +116,8 @@ def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
 class RoutesWithTurns:
     """The routes of an agent that obeys turn restrictions, as far as shipped strategies ask for them.
 
-    From its own node the agent goes on from the edge by which it came; from other nodes, any edge is legal.
+    From its own node the agent goes on from the edge by which it came, and on an edge from the end of this edge. From
+    other nodes, any edge is legal.
 
     Args:
         ctx: the context.
@@ -127,6 +128,7 @@ class RoutesWithTurns:
         graph: the edges that the mode may use.
         neighborhoods: of this graph.
         routes: this object.
+        here: the node from which the agent goes on: its own, or the end of its edge.
     """
 
     def __init__(self, ctx: IContext, mode: str, state: State) -> None:
@@ -134,18 +136,27 @@ class RoutesWithTurns:
         self.neighborhoods = self.graph.neighborhoods
         self.routes = self
         self._turns = split_mode(mode)[0]
-        self._here: int = state["curr_pos"]
+        self.here: int = state["curr_pos"]
+        self._passed = self.here
         known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
         self._is_in_game = known is not None
         self._driven: tuple[int, ...] = () if known is None else known.list_driven(state)
+        if state.get("edge") is not None:  # it goes on from the end of its edge
+            place: Any = state["edge"]
+            self.here = place[1]
+            self._driven = (*self._driven, place[2])
 
     def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
         """Return the ids of the edges on the shortest path; None: there is none."""
-        driven = self._driven if source == self._here else ()
+        source, driven = self._find_start(source)
         try:
             return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
         except NoPath:
             return None
+
+    def _find_start(self, source: int) -> tuple[int, tuple[int, ...]]:
+        """Return where a path begins, and the edges driven to this node: the agent goes on from the end of its edge."""
+        return (self.here, self._driven) if source in (self.here, self._passed) else (source, ())
 
     def find_step(self, target: int) -> tuple[int, int | EdgeAction] | None:
         """Return the end of the first edge of the shortest path from the agent's own node, and the action to take it.
@@ -153,7 +164,7 @@ class RoutesWithTurns:
         Of several edges to this end, the action names the edge, because the path may not go on from the others. None:
         there is no path.
         """
-        edges = self.find_path(self._here, target)
+        edges = self.find_path(self.here, target)
         if edges is None:
             return None
         columns = self.graph.columns()
@@ -171,7 +182,7 @@ class RoutesWithTurns:
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the length of the shortest path; infinite if there is none."""
-        edges = [] if source == target else self.find_path(source, target, weight)
+        edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
         return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
 
     def nearest(self, source: int, targets: Iterable[int]) -> int | None:
@@ -181,7 +192,7 @@ class RoutesWithTurns:
 
     def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
         """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
-        driven = self._driven if source == self._here else ()
+        source, driven = self._find_start(source)
         found: dict[int, float] = self.graph.routes.distances_with_turns(
             source, None, weight, None, self._turns, driven
         )
@@ -345,6 +356,9 @@ def move_to_agent(
     lengths = ctx.graph.graph
     edge = state["edge"]
     source, end, street = its
+    if isinstance(graph, RoutesWithTurns):  # it follows the other one: to the street, and then along it
+        move_to(ctx, state, end if state["curr_pos"] == source else source, fallback, caller)
+        return
     gone = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0)
     length = lengths.get_edge(street).length
     can_turn = edge is None or edge[0] in graph.neighborhoods[edge[1]]  # not on a one-way road
@@ -399,16 +413,32 @@ def step_towards(
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
     graph = graph_for(ctx, state)
-    if isinstance(graph, RoutesWithTurns) and target not in legal:
-        found = graph.find_step(target)  # a path may come to nodes again: its first step alone counts
-        if found is None:
-            return None
-        node, step = found
-        return step if is_allowed is None or is_allowed(node) else here
+    if isinstance(graph, RoutesWithTurns) and ends and is_allowed is None:
+        return target if target in legal or graph.find_path(graph.here, target) is not None else None
+    if isinstance(graph, RoutesWithTurns) and (ends or target not in legal):
+        return _step_with_turns(graph, state, target, is_allowed)
     weight = choose_weight(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed
     )
+
+
+def _step_with_turns(
+    graph: RoutesWithTurns, state: State, target: int, is_allowed: Callable[[int], bool] | None
+) -> int | list[int] | EdgeAction | None:
+    """Return the action of an agent that obeys turn restrictions toward a node; None if there is no path.
+
+    A path may come to nodes again: only its first edge counts, behind the end of the edge that the agent is on.
+    """
+    if target == graph.here:
+        return target
+    found = graph.find_step(target)
+    if found is None:
+        return None
+    node, step = found
+    if is_allowed is not None and not is_allowed(node):
+        return graph.here
+    return step if state.get("edge") is None else [graph.here, node]
 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:

@@ -12,6 +12,7 @@ from gamms.game.movement.travel import graph_of
 from gamms.game.strategy_specs import CoreStep
 from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
+    RoutesWithTurns,
     as_otherwise,
     graph_for,
     has_speed,
@@ -81,8 +82,8 @@ def route(
 
 
 def _goes_beyond(ctx: Context, state: State) -> bool:
-    """Return whether an agent may pass a stop within a turn without deciding there."""
-    if ctx.current_game is None or not has_speed(ctx, state):
+    """Return whether an agent may pass a stop within a turn without deciding there; where turns count, it stops."""
+    if ctx.current_game is None or not has_speed(ctx, state) or isinstance(graph_for(ctx, state), RoutesWithTurns):
         return False
     return ctx.game.legal == "edges" and ctx.game.decide == "turn"
 

@@ -281,6 +281,9 @@ class TurnRoutes:
         weights: (edges,) infinite: the edge is closed.
         is_open: (edges,) the edges that traffic may use.
         paths: the forbidden sequences of edges, by id.
+
+    Attributes:
+        costs: (edges,) the weights; infinite also if traffic may not use the edge.
     """
 
     def __init__(
@@ -302,6 +305,7 @@ class TurnRoutes:
         costs = np.where(is_open & (columns.sources != columns.targets), weights, inf)
         lengths = (costs[states.edges[states.ends]], costs, np.zeros(self._begin + nodes))
         self._arcs = np.concatenate(starts), np.concatenate(stops), np.concatenate(lengths)
+        self.costs = costs
         self._searches: dict[bool, kernels.Search] = {}
 
     def path(self, row: int, end: int, driven: Sequence[int]) -> list[int] | None:
@@ -312,8 +316,19 @@ class TurnRoutes:
             end: the last node.
             driven: rows of the edges on which traffic has come to the first node; empty: it begins there.
         """
-        found = self._search(reverse=True).path(self._vertex(row, driven), self._end + end, _EVERY, inf)
+        return self.path_from(self.find_vertex(row, driven), end)
+
+    def path_from(self, vertex: int, end: int) -> list[int] | None:
+        """Return the rows of the edges on the shortest path from a vertex to a node; None if there is no path."""
+        found = self._search(reverse=True).path(vertex, self._end + end, _EVERY, inf)
         return self._edges[found.rows[1:-1]].tolist() if found.rows else None
+
+    def list_arcs(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Return the arcs along edges: vertices at both ends, and rows of edges; then the node of each vertex."""
+        starts, ends, lengths = self._arcs
+        is_edge = (ends < self._begin) & np.isfinite(lengths)
+        nodes = np.concatenate((self._columns.targets[self._edges], np.arange(len(self._columns.node_ids))))
+        return starts[is_edge], ends[is_edge], self._edges[ends[is_edge]], nodes
 
     def distance(self, row: int, end: int) -> float:
         """Return the length of the shortest path between two nodes; infinite if there is no path."""
@@ -328,7 +343,7 @@ class TurnRoutes:
         With the rows of the edges on which traffic has come to the only row, see `path`, it goes on from there.
         """
         roots, goals = (self._end, self._begin) if reverse else (self._begin, self._end)
-        begun = np.array([self._vertex(rows.item(), driven)]) if driven else roots + rows
+        begun = np.array([self.find_vertex(rows.item(), driven)]) if driven else roots + rows
         found = self._search(reverse=reverse).find(begun, within=limit)
         order = np.argsort(found.rows)
         near = found.rows[order] - goals
@@ -338,10 +353,10 @@ class TurnRoutes:
     def onward(self, row: int, driven: Sequence[int]) -> list[int]:
         """Return the rows of the edges that traffic at a node may take next, in insertion order."""
         starts, ends, lengths = self._arcs
-        after = ends[(starts == self._vertex(row, driven)) & np.isfinite(lengths)]
+        after = ends[(starts == self.find_vertex(row, driven)) & np.isfinite(lengths)]
         return sorted(self._edges[after[after < self._begin]].tolist())
 
-    def _vertex(self, row: int, driven: Sequence[int]) -> int:
+    def find_vertex(self, row: int, driven: Sequence[int]) -> int:
         """Return the vertex of traffic at a node, given the edges on which it came."""
         if not driven:
             return self._begin + row

@@ -67,9 +67,10 @@ def movement_of(
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
         refuse_modes(settings["legal"])
-        travels = settings["speed_unit"] != "edges" or settings["decide"] == "arrival"
+        by_edges = settings["speed_unit"] == "edges"
+        waits = settings["decide"] == "arrival"
         each = zip(roster.agents, modes, speeds, strict=True)
-        refuse_turns([(agent.name, mode) for agent, mode, speed in each if travels or speed is not None])
+        refuse_turns([(agent.name, mode) for agent, mode, speed in each if waits or (by_edges and speed is not None)])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":

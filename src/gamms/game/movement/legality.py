@@ -14,7 +14,14 @@ from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel, find_usable_graph, paths_of_one
+from gamms.game.movement.travel import (
+    PathFinder,
+    ResolvedAction,
+    Travel,
+    TravelWithTurns,
+    find_usable_graph,
+    paths_of_one,
+)
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState
@@ -23,7 +30,7 @@ from gamms.ir.progress import Progress
 from gamms.text import shown
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
-from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Track
+from gamms.typing.game import SET_BY_STRATEGIES, STATE_KEYS, Leg, Track
 
 _ACTION_KEYS = ("node_id", "edge", "do", "orientation")  # of an action of an agent on the ground
 _FLIGHT_KEYS = ("direction", "distance", "quat", "do")  # and of one that flies
@@ -175,7 +182,8 @@ class Legality:
         self._mode = mode
         self._turns: tuple[object, kernels.ForbiddenPaths] | None = None  # with the columns of the graph
         self._of_modes: dict[str, Legality] = {}
-        self.travel = Travel(ctx, settings, mode)
+        is_free = mode is None or not split_mode(mode)[1]
+        self.travel = Travel(ctx, settings, mode) if mode is None or is_free else TravelWithTurns(ctx, settings, mode)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
         self._walking: MultiEdgeMoves | None = None
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
@@ -281,7 +289,10 @@ class Legality:
             return ()
         own = self.of(mover)
         place = own.travel.place(mover.row) if mover.travels else None
-        return tuple(own._onward(mover, here) if place is None else own.travel.roads.list_around(place.edge))
+        if place is None:
+            return tuple(own._onward(mover, here))
+        around = own.travel.roads.list_around(place.edge)
+        return tuple(around if not mover.obeys_turns else [edge for edge in around if edge == place.edge])
 
     # -- turn restrictions ------------------------------------------------------------------------------------------
 
@@ -307,9 +318,14 @@ class Legality:
                 walk = []
             else:
                 walk = [*walk, ends] if walk and walk[-1][1] == ends[0] else [ends]
-        if not walk or walk[-1][:2] != (block.previous_of(row), block.node_of(row)):
+        previous, node = block.previous_of(row), block.node_of(row)
+        if not walk or walk[-1][1] != node:
             return ()
-        return tuple([edge for *_, edge in walk])
+        if self._settings.speed_unit == "edges":
+            has_come = walk[-1][0] == previous
+        else:  # it passes several nodes in a turn, and may end it on the node where it has begun it
+            has_come = previous != node or any(source == previous for source, *_ in walk)
+        return tuple([edge for *_, edge in walk]) if has_come else ()
 
     def _keep_driven(self, mover: AgentSlot) -> None:
         """Forget the edges that an agent has driven if they do not lead to its node any more: it begins there."""
@@ -320,11 +336,17 @@ class Legality:
             if not driven:
                 del known[mover.name]
 
-    def drive_on(self, mover: AgentSlot, edge: int | None) -> None:
-        """Note that an agent that obeys turn restrictions has moved along an edge."""
-        assert edge is not None  # noqa: S101 - its actions have one
+    def drive_on(self, mover: AgentSlot, legs: Iterable[Leg]) -> None:
+        """Note the edges that an agent that obeys turn restrictions has driven to their ends on its legs."""
         driven = self._state.driven
-        driven[mover.name] = self.of(mover)._forbidden.step(driven.get(mover.name, ()), edge) or (edge,)
+        forbidden = self.of(mover)._forbidden
+        before = known = driven.get(mover.name, ())
+        edges = [leg.edge for leg in legs if leg.end == 1.0]
+        for edge in edges:
+            known = forbidden.step(known, edge) or (edge,)
+        if edges:
+            count = max(len(known), len(edges))  # all of this turn: its first node is then the previous one
+            driven[mover.name] = (*before, *edges)[-count:]
 
     @property
     def _forbidden(self) -> kernels.ForbiddenPaths:
@@ -385,7 +407,7 @@ class Legality:
 
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Find the path of an agent by metres: toward a node, along a list of nodes, or None to stop."""
-        travel = self.travel
+        travel = self._tell_driven(mover)
         place = travel.place(mover.row)
         if wanted is None:
             travel.stay(place, here)
@@ -394,6 +416,12 @@ class Legality:
         else:
             travel.towards(mover.row, place, here, mover.speed, wanted)
         return ResolvedAction(travel.end(), (here,))
+
+    def _tell_driven(self, mover: AgentSlot) -> Travel:
+        """Return the paths of agents by metres; if turns count, for an agent that has come by the edges that it has."""
+        if isinstance(self.travel, TravelWithTurns):
+            self.travel.driven = self.find_driven(mover.name)
+        return self.travel
 
     def is_open(self, track: Track) -> bool:
         """Return whether all edges of a legal move still exist."""
@@ -414,8 +442,9 @@ class Legality:
             return tuple(self._ctx.graph.graph.neighborhoods[here])
         own = self.of(mover)
         if mover.travels:
-            own.travel.prepare(mover.row)
-            return own.travel.legal(here, own.travel.place(mover.row), mover.speed)
+            travel = own._tell_driven(mover)
+            travel.prepare(mover.row)
+            return travel.legal(here, travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
         if mover.obeys_turns:

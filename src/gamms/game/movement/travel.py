@@ -22,13 +22,23 @@ from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Quat
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, apply_mode, edge_weights, find_usable_edges, split_mode
+from gamms.ir.graph import (
+    FloatArray,
+    GraphColumns,
+    IntArray,
+    apply_mode,
+    edge_weights,
+    find_usable_edges,
+    forbidden_paths,
+    split_mode,
+)
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext, IContext
 from gamms.typing.game import Leg, Track
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
+from gamms.typing.routes import TurnRoutes
 
 SLACK = 1e-9  # of a turn, as in the core
 _REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 bytes each
@@ -812,6 +822,217 @@ class Travel(TravelSearch):
         self._trips = paths_of_one(most)
         self._route = self._trips.route
         self.take_trips(self._trips)
+
+
+class TurnMap:
+    """The states of traffic that obeys turn restrictions, as a map for the core: its nodes are these states.
+
+    Args:
+        roads: the map with the edges that the mode may use.
+        columns: the columns of the graph.
+        costs: (edges,) the costs by which agents choose paths.
+        mode: the mode of travel.
+
+    Attributes:
+        routes: shortest paths over the states.
+        map: the form of the core.
+        reach: working memory.
+        nodes: (states,) the row of the node of each state.
+        edges: (arcs,) the row of the edge of each arc of the map.
+    """
+
+    def __init__(self, roads: RoadMap, columns: GraphColumns, costs: FloatArray, mode: str) -> None:
+        may_use = find_usable_edges(columns, mode)
+        paths = forbidden_paths(columns).get(split_mode(mode)[0], [])
+        self.routes = TurnRoutes(columns, costs, may_use, paths)
+        starts, ends, edges, self.nodes = self.routes.list_arcs()
+        self._first = len(self.nodes) - len(columns.node_ids)  # the state of traffic that begins on the first node
+        order = np.lexsort((edges, starts))
+        others = np.flatnonzero(~may_use)  # agents may stand on these, but not enter them
+        sources = np.concatenate((starts[order], self._first + columns.sources[others]))
+        targets = np.concatenate((ends[order], self._first + columns.targets[others]))
+        self.edges = np.concatenate((edges[order], others))
+        offsets = np.searchsorted(starts[order], np.arange(len(self.nodes) + 1))
+        self._offsets = offsets.tolist()
+        self._ends = targets.tolist()
+        self._arcs = {pair: arc for arc, pair in enumerate(zip(sources.tolist(), self.edges.tolist(), strict=True))}
+        ints = [columns.node_ids[self.nodes], offsets, np.arange(len(order)), sources, targets]
+        seconds = np.zeros(0) if roads.seconds is None else roads.seconds[self.edges]
+        floats = [columns.lengths[self.edges], costs[self.edges], seconds]
+        views: list[Any] = [np.ascontiguousarray(column, np.int64).data for column in ints]
+        views += [np.ascontiguousarray(column, np.float64).data for column in floats]
+        self.map = core.RoadEdges(*[*views, roads.turn_seconds])
+        self.reach = ReachableNodes(len(self.nodes))
+
+    def start(self, node: int, driven: Sequence[int], edge: int | None) -> tuple[int, int, int]:
+        """Return where an agent is: its state, the arc that it is on, and the state at the end of this arc.
+
+        Args:
+            node: the row of the node that it passed last.
+            driven: the rows of the edges by which it came to this node.
+            edge: the row of the edge that it is on; None: it is on its node. Then the arc is -1.
+        """
+        state = self.routes.find_vertex(node, driven)
+        if edge is None:
+            return state, -1, state
+        if (state, edge) not in self._arcs:  # a rule has placed it there
+            state = self._first + node
+        arc = self._arcs[state, edge]
+        return state, arc, self._ends[arc]
+
+    def onward(self, state: int) -> list[tuple[int, int, int]]:
+        """Return what may follow a state: the rows of the edge and of its end, and the next state, of each."""
+        arcs = range(self._offsets[state], self._offsets[state + 1])
+        return [(int(self.edges[arc]), int(self.nodes[self._ends[arc]]), self._ends[arc]) for arc in arcs]
+
+    def follow(self, state: int, edges: Sequence[int]) -> list[int]:
+        """Return the states along edges by row, beyond the first."""
+        found = list[int]()
+        for edge in edges:
+            state = self._ends[self._arcs[state, edge]]
+            found.append(state)
+        return found
+
+
+class TravelWithTurns(Travel):
+    """Finds the paths of agents by metres that obey turn restrictions.
+
+    A path is found on a `TurnMap`, and then written with the rows of the map of roads, as all paths are.
+
+    Attributes:
+        driven: the ids of the edges by which the agent that is asked for has come to its node.
+    """
+
+    def __init__(self, ctx: HostContext, settings: Settings, mode: str) -> None:
+        super().__init__(ctx, settings, mode)
+        self.driven: tuple[int, ...] = ()
+        self._turns: tuple[RoadMap, TurnMap] | None = None
+
+    @property
+    def turns(self) -> TurnMap:
+        """The states of traffic on the current revision of the graph."""
+        roads = self.roads
+        if self._turns is None or self._turns[0] is not roads:
+            costs = weigh_edges(self._ctx, self._settings.weight, self._mode)
+            assert self._mode is not None  # noqa: S101 - it says that agents obey turns
+            self._turns = roads, TurnMap(roads, self._ctx.graph.columns(), costs, self._mode)
+        return self._turns[1]
+
+    def _find_start(self, here: int, place: Progress | None) -> tuple[int, int, int]:
+        roads = self.roads
+        edge = None if place is None else roads.on(place.edge)
+        return self.turns.start(roads.row(here), [roads.edge_rows[one] for one in self.driven], edge)
+
+    def legal(self, here: int, place: Progress | None, speed: float | None) -> tuple[int, ...]:
+        """Return the legal nodes of an agent: those next to it, then those that it can reach in this turn.
+
+        An agent on an edge goes on to its end first.
+        """
+        turns = self.turns
+        state, arc, _ = self._find_start(here, place)
+        if arc >= 0 and speed is None and place is not None:
+            return (place.target,)
+        at = (0.0, Motion.NONE) if arc < 0 or place is None else (place.share, Motion.FORWARD)
+        pace = nan if speed is None else speed
+        count = core.reachable(turns.map, turns.reach.core, state, arc, *at, pace, self.now, True)
+        ids = self.roads.ids
+        rows = turns.nodes[turns.reach.nodes[:count]].tolist()
+        return tuple(dict.fromkeys([ids[row] for row in rows]))
+
+    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
+        """Find the path along a route of nodes, over the cheapest edges whose turns are legal.
+
+        Raises:
+            BadValue: no edges along the route are legal, or the agent would have to turn back on its edge.
+        """
+        if not route:
+            self.stay(place, here)
+            return
+        nodes = route[1:] if route[0] == here else route
+        if place is not None and nodes[:1] != [place.target]:
+            raise no_turning_back(place)
+        nodes = nodes if place is None else nodes[1:]
+        at = here if place is None else place.target
+        self._go(place, here, speed, self._find_edges(self._find_start(here, place)[2], at, nodes))
+
+    def _find_edges(self, state: int, at: int, nodes: Sequence[int]) -> list[int]:
+        """Return the rows of the cheapest edges from a state along nodes, whose turns are all legal."""
+        turns = self.turns
+        costs = turns.routes.costs
+        best: dict[int, tuple[float, list[int]]] = {state: (0.0, [])}
+        for node in nodes:
+            row = self.roads.row(node)
+            if node == at:
+                continue
+            following: dict[int, tuple[float, list[int]]] = {}
+            for begun, (cost, edges) in best.items():
+                for edge, end, after in turns.onward(begun):
+                    found = cost + float(costs[edge]), [*edges, edge]
+                    if end == row and (after not in following or found < following[after]):
+                        following[after] = found
+            if not following:
+                raise BadValue(f"No edge that a turn restriction allows leads on from node {at} to node {node}.")
+            best = following
+            at = node
+        return min(best.values())[1]
+
+    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:  # noqa: ARG002
+        """Find the shortest path of an agent toward a node over legal turns, as far as the turn allows.
+
+        Raises:
+            BadValue: there is no path.
+        """
+        *_, state = self._find_start(here, place)
+        at = here if place is None else place.target
+        if speed is None and target not in (legal := self.legal(here, place, None)):
+            raise BadValue(f"Node {target} is not next to the agent, or the turn is forbidden; legal are {[*legal]}.")
+        if speed is None:
+            edges: list[int] | None = self._find_edges(state, at, [target])
+        else:
+            edges = self.turns.routes.path_from(state, self.roads.row(target))
+        if edges is None:
+            raise BadValue(str(NoPath(at, target)))
+        self._go(place, here, speed, edges)
+
+    def _go(self, place: Progress | None, here: int, speed: float | None, edges: Sequence[int]) -> None:
+        """Let the core move an agent to the end of its edge, if it is on one, and along edges by row."""
+        turns = self.turns
+        state, arc, after = self._find_start(here, place)
+        route = turns.follow(after, edges)
+        if len(route) + _MORE_LEGS > self._most:
+            self._make_room(len(route) + _MORE_LEGS)
+        for number, one in enumerate(route):
+            self._route[number] = one
+        share = 0.0 if place is None else place.share
+        motion = Motion.NONE if place is None else place.motion
+        pace = nan if speed is None else speed
+        core.begin(self._trips, 0, state, arc, share, motion, self.now, pace, core.UNLIMITED)
+        core.go(turns.map, self._trips, 0, Motion.FORWARD, len(route))
+        self._name_roads()
+
+    def _name_roads(self) -> None:
+        """Replace the states and arcs of the path by nodes and edges of the map of roads."""
+        trips = self._trips
+        turns = self.turns
+        nodes = turns.nodes
+        roads = self.roads.map
+        for place in range(trips.passed[0]):
+            trips.nodes[place] = nodes[trips.nodes[place]]
+        trips.node[0] = nodes[trips.node[0]]
+        if trips.edge[0] >= 0:
+            trips.edge[0] = turns.edges[trips.edge[0]]
+        for leg in range(trips.legs[0]):
+            edge = int(turns.edges[trips.edges[leg]])
+            trips.edges[leg] = edge
+            trips.backs[leg] = core.back(roads, edge)
+
+
+def no_turning_back(place: Progress) -> BadValue:
+    """Return the error for an agent that obeys turn restrictions and would have to turn back on an edge."""
+    return BadValue(
+        f"The agent is on the edge from node {place.source} to node {place.target} and obeys turn restrictions: it "
+        f"does not turn back on an edge. Begin the route with node {place.target}."
+    )
 
 
 def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its class cannot be imported here
