@@ -788,3 +788,24 @@ def test_a_game_by_metres_is_the_same_in_a_batch_from_a_snapshot_and_in_its_reco
         for turn, legal in enumerate(known):
             with recording.resume(turn) as again:
                 assert again.game.internals.parts.turns.legal([*legal]) == legal
+
+
+def test_after_a_return_by_metres_an_agent_begins_there_and_a_loop_back_to_its_node_forgets_nothing(corner):
+    corner.game.speed_unit = "metres"
+    legal = corner.game.internals.parts.turns.legal
+    go = {"action": [2, 1]}
+    car = corner.agent.create_agent(
+        "car", start_node_id=1, speed=20.0, mode=CAR, team="b", strategy=lambda state: state.update(go)
+    )
+    corner.game.step()
+    assert car.current_node_id == 1
+    assert legal(["car"]) == {"car": (1, 0, 3)}  # it came from 2, and does not turn back
+    corner.agent.create_agent("cop", start_node_id=2, team="a", strategy=strategies.stay)
+    corner.game.add(tag("a", "b", then="respawn"))
+    go["action"] = [0, 1]
+    corner.game.step()
+    assert legal(["car"]) == {"car": (1, 2)}
+    go["action"] = [2]
+    corner.game.step()
+    assert corner.game.events[-1]["kind"] == "respawned"
+    assert legal(["car"]) == {"car": (1, 0, 2, 3)}
