@@ -278,6 +278,12 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
             admin.told.clear()
             admin.say(**wrong)
             admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+        for wrong in (99, 2.5, "7", None):
+            admin.told.clear()
+            admin.say(type="restart", numbers={count: wrong})
+            admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+            refused = [one["words"] for one in admin.told if one["type"] == "refused"]
+            assert refused == [f"{count} must be a whole number from 0 to 10, not {wrong!r}."]
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
         admin.read(lambda client: client.bytes and client.game().turns == 12)
@@ -822,6 +828,27 @@ def test_the_page_follows_the_game_and_shows_a_team_no_more_than_it_knows(chromi
         }
         assert page.value("[window.attacked, document.images.length]") == [None, 0]
         assert page.messages == []
+
+
+def test_the_numbers_of_a_scenario_are_sliders_beside_the_map_for_those_who_may_restart(chromium):
+    with web.serve(HUNT, speed=None) as live:
+        page = chromium.open(live.links["admin"])
+        page.wait("document.querySelector('.numbers input[type=range]') && gamms.turns == 40")
+        assert page.value("gamms.panel.element.hidden") is False
+        row = "[...document.querySelectorAll('.number-row')].find((one) => one.textContent == 'teams.red.count')"
+        parts = f"[...{row}.querySelectorAll('input')].map((one) => [one.type, one.min, one.max, one.value])"
+        assert page.value(parts) == [["number", "0", "10", "2"], ["range", "0", "10", "2"]]
+        page.value(f"{row}.querySelector('[type=range]').value = 3")
+        page.value(f"{row}.querySelector('[type=range]').dispatchEvent(new Event('input'))")
+        assert page.value(f"{row}.querySelector('[type=number]').value") == "3"
+        page.value("document.querySelector('.numbers button').click()")
+        page.wait("gamms.views[0].replay.state.agents.size == 5")
+        page.wait(f"{row}.querySelector('[type=number]').value == '3'")
+        page.value(f"{row}.querySelector('[type=number]').value = '999'")
+        assert page.value("document.querySelector('.numbers').checkValidity()") is False
+        assert page.messages == []
+        chromium.open(live.url).wait("gamms.turns == 40")
+        assert page.value("document.querySelector('.numbers').hidden")
 
 
 def test_a_team_that_is_sent_several_turns_at_once_sees_who_was_in_sight_before_them(chromium):

@@ -660,8 +660,12 @@ def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
         raise Refused("The numbers are a mapping from paths to numbers.")
     for path, value in chosen.items():
         one = known.get(path)
-        if one is None or not _is_number(value) or not one["low"] <= value <= one["high"]:
-            raise Refused(f"{path} is not a number that can be changed here.")
+        if one is None:
+            raise Refused(f"{shown(path)} is not a number that can be changed here.")
+        low, high = one["low"], one["high"]
+        if not _is_number(value) or not low <= value <= high or (one["step"] == 1 and value != int(value)):
+            kind = "whole number" if one["step"] == 1 else "number"
+            raise Refused(f"{path} must be a {kind} from {low:g} to {high:g}, not {shown(value)}.")
     whole = {path: int(value) if known[path]["step"] == 1 else value for path, value in chosen.items()}
     try:
         return scenario.replace(**whole)

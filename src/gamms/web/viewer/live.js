@@ -98,7 +98,8 @@ export class Live {
     this.app = new App(this.root, [new Replay(this.recording)], audience === undefined ? this.options : { ...this.options, audience });
     this.app.enliven(this);
     this.root.dataset.live = "true";
-    this.root.append(this.strip.element, this.strip.menu);
+    this.root.append(this.strip.element);
+    this.app.panel.hold(this.strip.numbers.element);
     this.app.seek(this.recording.turns);
     this.app.play();
     this.app.grow();
@@ -135,12 +136,12 @@ class LiveStrip {
     this.step = iconButton("next", "Play one turn of the game", () => live.send({ type: "step" }));
     this.speed = element("select", { "aria-label": "Speed of the game", title: "Speed of the game", on: { change: () => live.send({ type: "speed", speed: this.speed.value ? Number(this.speed.value) : null }) } },
       ...SPEEDS.map((speed) => element("option", { value: speed, text: `${speed} turn${speed === 1 ? "" : "s"}/s` })), element("option", { value: "", text: "fastest" }));
-    this.again = element("button", { type: "button", class: "wanted", text: "Restart…", "aria-expanded": "false", on: { click: () => this.#toggle() } });
+    this.again = element("button", { type: "button", class: "wanted", text: "Restart…", on: { click: () => this.numbers.show() } });
     this.control = element("span", { class: "control", hidden: true }, this.pause, this.step, this.speed, this.again);
     this.study = sessionStorage.getItem("study"); // the page of a study that has led here
     this.next = element("button", { type: "button", class: "wanted", text: "Continue", hidden: true, on: { click: () => location.assign(this.study ?? "/") } });
     this.element = element("section", { class: "live card", "aria-label": "The game that is played" }, this.edge, this.words, this.next, this.control);
-    this.menu = element("form", { class: "menu card restart", hidden: true, on: { submit: (/** @type {Event} */ event) => this.#restart(event) } });
+    this.numbers = new ScenarioNumbers(live);
     this.refused = "";
   }
 
@@ -167,6 +168,7 @@ class LiveStrip {
     this.pause.disabled = this.step.disabled = status.over;
     this.speed.value = status.speed === null ? "" : String(SPEEDS.find((speed) => speed >= /** @type {number} */ (status.speed)) ?? "");
     this.again.hidden = !status.restart;
+    this.numbers.renew(status);
   }
 
   #toEdge() {
@@ -175,33 +177,55 @@ class LiveStrip {
     app?.play();
     this.renew();
   }
+}
 
-  /** Open the menu of what the game begins with, or close it. */
-  #toggle() {
-    this.menu.hidden = !this.menu.hidden;
-    this.again.setAttribute("aria-expanded", String(!this.menu.hidden));
-    const { status } = this.live;
-    if (this.menu.hidden || !status) return;
+/** The form in the panel with the seed and the numbers of the scenario, each with a slider, with which the game restarts. */
+class ScenarioNumbers {
+  /** @param {Live} live */
+  constructor(live) {
+    this.live = live;
+    this.known = ""; // what the fields were made of
+    this.seed = element("input", { type: "number", step: 1 });
+    /** @type {(Choice & {input: HTMLInputElement})[]} */ this.fields = [];
+    this.element = element("form", { class: "numbers", hidden: true, "aria-label": "Restart with other numbers", on: { submit: (/** @type {Event} */ event) => this.#restart(event) } });
+  }
+
+  /** Take the numbers of a status, and show them beside a wide map at first; fields in which a number was chosen stay. @param {Status} status */
+  renew(status) {
+    const { app } = this.live, known = JSON.stringify([status.numbers, status.seed]);
+    if (app === null || !status.restart || known === this.known) return;
+    const isFirst = this.known === "";
+    this.known = known;
     this.seed = element("input", { type: "number", step: 1, value: status.seed ?? "", placeholder: "that of the scenario" });
-    this.sliders = (status.numbers ?? []).map((one) => ({ ...one, input: element("input", { type: "range", min: one.low, max: one.high, step: one.step, value: one.value }) }));
-    refill(this.menu, element("h2", { text: "Begin again" }), element("label", { class: "choice" }, element("span", { text: "Seed" }), this.seed), ...this.sliders.map(slider), element("button", { type: "submit", class: "wanted", text: "Begin again" }));
+    this.fields = (status.numbers ?? []).map((one) => ({ ...one, input: element("input", { type: "number", min: one.low, max: one.high, step: one.step === 1 ? 1 : "any", value: one.value, "aria-label": one.path }) }));
+    refill(this.element, element("h3", { text: "Restart with" }), element("label", { class: "choice" }, element("span", { text: "seed" }), this.seed),
+      ...this.fields.map(rowOf), element("button", { type: "submit", class: "wanted", text: "Restart" }));
+    this.element.hidden = false;
+    if (isFirst && app.isWide) app.panel.open();
+  }
+
+  /** Open the panel at the numbers. */
+  show() {
+    this.live.app?.panel.open();
+    this.element.scrollIntoView({ block: "nearest" });
+    this.seed.focus();
   }
 
   /** @param {Event} event */
   #restart(event) {
-    event.preventDefault();
-    const changed = (this.sliders ?? []).filter((one) => one.input.valueAsNumber !== one.value);
-    const seed = this.seed?.value ? Number(this.seed.value) : null;
+    event.preventDefault(); // the browser has checked that the numbers are in their ranges
+    const changed = this.fields.filter((one) => one.input.value !== "" && one.input.valueAsNumber !== one.value);
+    const seed = this.seed.value ? Number(this.seed.value) : null;
     this.live.send({ type: "restart", seed, numbers: Object.fromEntries(changed.map((one) => [one.path, one.input.valueAsNumber])) });
-    this.#toggle();
   }
 }
 
-/** Make the label of a number. @param {Choice & {input: HTMLInputElement}} one */
-function slider({ path, input }) {
-  const shown = element("output", { text: input.value });
-  input.addEventListener("input", () => { shown.textContent = String(Number(input.valueAsNumber.toPrecision(4))); });
-  return element("label", { class: "choice" }, element("span", {}, `${path}: `, shown), input);
+/** Make the row of a number: its path, a field to type it, and a slider. @param {Choice & {input: HTMLInputElement}} one */
+function rowOf({ path, value, low, high, step, input }) {
+  const range = element("input", { type: "range", min: low, max: high, step, value, "aria-label": `${path}, slider` });
+  range.addEventListener("input", () => { input.value = String(Number(range.valueAsNumber.toPrecision(4))); });
+  input.addEventListener("input", () => { if (input.value !== "") range.value = input.value; });
+  return element("div", { class: "number-row" }, element("span", { text: path }), input, range);
 }
 
 /** @param {Status | null} status */

@@ -25,6 +25,11 @@ export class Panel {
     app.stage.append(this.tip);
   }
 
+  /** Keep an element below the rest of the panel, which is made again in each turn. @param {HTMLElement} held */
+  hold(held) {
+    this.element.append(held);
+  }
+
   open() {
     this.element.hidden = false;
     this.app.fitStage();
