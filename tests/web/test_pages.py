@@ -3,6 +3,7 @@
 import json
 import re
 from graphlib import TopologicalSorter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from shown_game import game_in
 import gamms
 from gamms import recorder, rendering, web
 from gamms.errors import BadValue, MissingFolder
+from gamms.visual.keys import KEYS, explain_keys, find_actions
 from gamms.web import bundle
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
@@ -111,7 +113,7 @@ def test_nothing_that_a_recording_says_is_markup(ctx, tmp_path):
     with recorder.open(tmp_path / "hostile.ggr") as recording:
         text = web.page(recording, title=HOSTILE).decode()
     assert "<img" not in text
-    assert text.count("</script>") == 4
+    assert text.count("</script>") == 5
 
 
 def test_a_page_says_what_it_cannot_be(game, tmp_path):
@@ -154,3 +156,24 @@ def test_two_games_are_on_one_page_with_the_turn_where_they_part(game, tmp_path)
 
 def stay(state):
     state["action"] = state["curr_pos"]
+
+
+def test_pages_windows_and_docs_have_one_table_of_keys():
+    page, window = explain_keys("page"), explain_keys("window")
+    docs = (Path(__file__).parents[2] / "docs" / "browser.md").read_text(encoding="utf-8")
+    controls = docs.partition("## Controls")[2].partition("\n## ")[0]
+    rows = [f"| {words} | {page.get(words, '')} | {window.get(words, '')} |" for words in {**page, **window}]
+    assert re.findall(r"^\| .*\|$", controls, re.MULTILINE)[1:] == rows
+    table = json.loads(re.search(r'id="key-table">(.*)</script>', bundle.page_called("viewer"))[1])
+    assert table == {"actions": find_actions("page"), "help": page}
+    viewer = (bundle.SOURCES / "input.js").read_text(encoding="utf-8")
+    actions = viewer.partition("const actions = {")[2].partition("};")[0]
+    named = {one or other for one, other in re.findall(r'"([a-z ]+)": \(\)|(\w+): \(\)', actions)}
+    assert named == set(find_actions("page").values())
+
+
+@pytest.mark.parametrize("place", ["page", "window"])
+def test_each_key_has_one_action_in_a_place(place):
+    keys = [key for one in KEYS for key in one.list_keys(place)]
+    assert len(keys) == len(set(keys))
+    assert {one.action for one in KEYS if one.list_keys(place)} == set(find_actions(place).values())

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gamms.visual.keys import explain_keys, find_actions
 from gamms.visual.themes import THEMES
 
 SOURCES = Path(__file__).parent / "viewer"
@@ -36,6 +37,7 @@ def page_called(name: str) -> str:
     style = "".join(_read(f"{one}.css") for one in styles)
     parts = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
     parts["themes"] = json.dumps({name: _table_of(name) for name in VIEWER_THEMES})
+    parts["keys"] = json.dumps({"actions": find_actions("page"), "help": explain_keys("page")})
     return re.sub(r"\{(\w+)\}", lambda match: parts.get(match[1], match[0]), _read("page.html"))
 
 

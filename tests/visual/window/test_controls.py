@@ -4,6 +4,8 @@ import numpy as np
 import pygame
 import pytest
 
+from gamms.visual.keys import find_actions
+from gamms.visual.window import input as window_input
 from gamms.visual.window.panels import Hud
 
 
@@ -173,3 +175,10 @@ def test_panels_of_agents_cover_neither_the_turn_nor_the_agent(ctx, person, monk
         ctx.visual.update()
         (left, top, right, bottom), facts = boxes[-1][0], boxes[-1][-1]
         assert facts[0] >= right or facts[1] >= bottom or facts[2] <= left or facts[3] <= top
+
+
+def test_each_key_of_the_table_does_something_in_a_window(ctx):
+    bound = {*ctx.visual.input._keys, *ctx.visual.input._ways}
+    assert bound == {*window_input._bind_keys(pygame)}
+    known = {*ctx.visual._handlers().actions, *window_input._MOVES}
+    assert known == set(find_actions("window").values())

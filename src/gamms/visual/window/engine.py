@@ -152,26 +152,24 @@ class WindowEngine(WindowNames, PictureEngine):
     def _handlers(self) -> Handlers:
         pace = self.pace
         overlay = self.overlay
-        keys = {
-            "SPACE": pace.pause,
-            **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
-            "COMMA": self.step_back,
-            "HOME": self._go_to_start,
-            "END": self._go_to_end,
-            "LEFTBRACKET": lambda: pace.faster(-1),
-            "RIGHTBRACKET": lambda: pace.faster(1),
-            **dict.fromkeys(("PLUS", "EQUALS", "KP_PLUS"), lambda: pace.faster(1)),
-            **dict.fromkeys(("MINUS", "KP_MINUS"), lambda: pace.faster(-1)),
-            **dict.fromkeys(("0", "KP0"), self.see_everything),
-            "h": overlay.hud.toggle,
-            **dict.fromkeys(("F1", "QUESTION", "SLASH"), overlay.hud.toggle_help),  # ? is shift and / on many keyboards
-            "l": overlay.toggle_labels,
-            "t": overlay.toggle_trails,
-            "n": self.toggle_theme,
-            "ESCAPE": lambda: self._click(None),
+        actions = {
+            "play": pace.pause,
+            "on": pace.step,
+            "back": self.step_back,
+            "start": self._go_to_start,
+            "end": self._go_to_end,
+            "slower": lambda: pace.faster(-1),
+            "faster": lambda: pace.faster(1),
+            "see everything": self.see_everything,
+            "text": overlay.hud.toggle,
+            "help": overlay.hud.toggle_help,
+            "names": overlay.toggle_labels,
+            "trails": overlay.toggle_trails,
+            "theme": self.toggle_theme,
+            "select none": lambda: self._click(None),
         }
         return Handlers(
-            keys=keys,
+            actions=actions,
             click=self._click,
             take=self._take_timeline,
             drag=self._drag_timeline,

@@ -12,6 +12,7 @@ from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.backends.pygame_backend import load
 from gamms.visual.camera import Point, WindowCamera, nearest_point
+from gamms.visual.keys import find_actions
 
 if TYPE_CHECKING:
     from pygame.event import Event
@@ -143,22 +144,42 @@ _ACROSS = 60.0  # how many times smaller than the map
 
 _CHARACTERS = range(33, 127)  # keys named by their character
 
-HELP = (
-    "drag, W A S D or arrows: move",
-    "wheel, page up and down: zoom",
-    "0: see everything",
-    "space: pause · .: one turn · [ ] or - +: speed",
-    "replays: click or drag the line below · ,: a turn back · home, end: first, last turn",
-    "click an agent: keep its panel · escape: keep none",
-    "L: names · T: trails · N: light or dark",
-    "H: words · F1: this help",
-)
+_MOVES = {  # action of keys that are held -> across, up, out
+    "move up": (0, 1, 0),
+    "move down": (0, -1, 0),
+    "move left": (-1, 0, 0),
+    "move right": (1, 0, 0),
+    "zoom in": (0, 0, -1),
+    "zoom out": (0, 0, 1),
+}
+_NAMES = {  # key -> the names of its keys in pygame, if they are not its name in capitals
+    " ": ("SPACE",),
+    ",": ("COMMA",),
+    ".": ("PERIOD", "KP_PERIOD"),
+    "[": ("LEFTBRACKET",),
+    "]": ("RIGHTBRACKET",),
+    "+": ("PLUS", "KP_PLUS"),
+    "=": ("EQUALS",),
+    "-": ("MINUS", "KP_MINUS"),
+    "0": ("0", "KP0"),
+    "?": ("QUESTION", "SLASH"),  # ? is shift and / on many keyboards
+    **{f"arrow{way}": (way.upper(),) for way in ("up", "down", "left", "right")},
+}
+
+
+def _bind_keys(pygame: ModuleType) -> dict[int, str]:
+    """Return the code of a key in pygame -> its action."""
+    bound = {}
+    for key, action in find_actions("window").items():
+        for name in _NAMES.get(key, (key if len(key) == 1 else key.upper(),)):
+            bound[getattr(pygame, f"K_{name}")] = action
+    return bound
 
 
 class Handlers(NamedTuple):
     """The functions that keys, mouse and window events call."""
 
-    keys: Mapping[str, Callable[[], None]]  # by the names of keys, as in pygame
+    actions: Mapping[str, Callable[[], None]]  # by the names of actions in `visual.keys`
     click: Callable[[Point], None]  # on a point of the screen
     take: Callable[[Point], bool]  # press on a point of the screen that belongs to the timeline
     drag: Callable[[Point], None]  # move of the pressed pointer
@@ -189,13 +210,14 @@ class Input:
         self.has_moved_camera = False  # since everything was seen
         pygame = load()
         self._events = self._event_actions(pygame)
-        zooms = {"PAGEUP": lambda: self._zoom(1 / _TAP), "PAGEDOWN": lambda: self._zoom(_TAP)}
-        self._keys = {getattr(pygame, f"K_{name}"): action for name, action in {**zooms, **handlers.keys}.items()}
-        self._ways = {
-            pygame.K_w: (0, 1, 0), pygame.K_s: (0, -1, 0), pygame.K_a: (-1, 0, 0), pygame.K_d: (1, 0, 0),
-            pygame.K_UP: (0, 1, 0), pygame.K_DOWN: (0, -1, 0), pygame.K_LEFT: (-1, 0, 0), pygame.K_RIGHT: (1, 0, 0),
-            pygame.K_PAGEUP: (0, 0, -1), pygame.K_PAGEDOWN: (0, 0, 1),
-        }  # fmt: skip
+        actions: dict[str, Callable[[], None]] = {
+            **handlers.actions,
+            "zoom in": lambda: self._zoom(1 / _TAP),
+            "zoom out": lambda: self._zoom(_TAP),
+        }
+        bound = _bind_keys(pygame)
+        self._ways = {code: _MOVES[action] for code, action in bound.items() if action in _MOVES}
+        self._keys = {code: actions[action] for code, action in bound.items() if action in actions}
         self._digits = {
             getattr(pygame, f"K_{prefix}{digit}"): digit for prefix, digit in product(("", "KP"), range(10))
         }

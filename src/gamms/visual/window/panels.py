@@ -21,9 +21,9 @@ from gamms.visual.captions import (
 )
 from gamms.visual.charts import HEIGHT_PX, WIDTH_PX, ChartLine, draw_chart
 from gamms.visual.font import words_width
+from gamms.visual.keys import explain_keys
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.themes import Theme
-from gamms.visual.window.input import HELP
 
 HudLines = Callable[[IContext], Iterable[Any]]
 
@@ -83,7 +83,7 @@ class Hud:
             if self.legend.width:
                 self.taken.append((canvas.width - self.legend.width, 0, canvas.width, self.legend.height))
             raised = _PROMPT_PX - _ABOVE_NOTE_PX if prompt else 0
-            self._panel(canvas, HELP if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
+            self._panel(canvas, _help_lines() if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
             if has_hint and not self.has_help:
                 self._foot(canvas, _HINT)
         self._foot(canvas, credit, is_right=True)
@@ -202,6 +202,14 @@ class Hud:
         edge = self.theme.ink[:3]  # none, so that no halo of another color is around the words
         canvas.text(words, x - text_px(words, FONT_PX) / 2, y - 6, FONT_PX, self.theme.background, edge=edge)
         self.taken.append(_box(x - width / 2, y - BADGE_PX / 2, width, BADGE_PX))
+
+
+@lru_cache
+def _help_lines() -> tuple[str, ...]:
+    """Return the keys of the window, two kinds to a line."""
+    each = [f"{keys}: {words}" for words, keys in explain_keys("window").items()]
+    each.append("line below: go to any turn of a replay")
+    return tuple(" · ".join(each[i : i + 2]) for i in range(0, len(each), 2))
 
 
 _Box = tuple[float, float, float, float]  # left, top, right, bottom

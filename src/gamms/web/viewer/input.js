@@ -7,6 +7,9 @@ const PINCH_PX = 25; // of one event of a pinch, which comes as a wheel with ctr
 /** Whether this page stands in a frame of another one, which the wheel scrolls unless a modifier key is held. */
 export const IS_FRAMED = window.parent !== window;
 
+/** The keys of pages, which Python has put into the page: key -> action, and what it does -> keys. @type {{actions: Record<string, string>, help: Record<string, string>}} */
+export const KEY_TABLE = JSON.parse(document.getElementById("key-table")?.textContent ?? '{"actions": {}, "help": {}}');
+
 /** @typedef {import("./app.js").App} App @typedef {import("./app.js").View} View */
 
 /**
@@ -124,7 +127,7 @@ export class Pointers {
 function onKey(app, event) {
   const target = /** @type {HTMLElement} */ (event.target);
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (event.key === "Escape") escape(app);
+  if (actionOf(event) === "select none") act(app, event); // in a field, too
   else if (isTaken(target, event.key)) return;
   else if (app.player?.key(event)) event.stopPropagation();
   else if (!act(app, event)) return;
@@ -143,6 +146,12 @@ function escape(app) {
   if (!app.settings.close()) app.select(null);
 }
 
+/** Return the action of a key, or "". @param {KeyboardEvent} event */
+function actionOf(event) {
+  const key = event.key.toLowerCase();
+  return Object.hasOwn(KEY_TABLE.actions, key) ? KEY_TABLE.actions[key] : "";
+}
+
 /** Do what a key means; return whether it means anything. @param {App} app @param {KeyboardEvent} event */
 function act(app, event) {
   const pan = (/** @type {number} */ dx, /** @type {number} */ dy) => {
@@ -152,17 +161,17 @@ function act(app, event) {
   const zoom = (/** @type {number} */ factor) => app.moveCamera((camera) => camera.zoom(factor));
   /** @type {Record<string, () => void>} */
   const actions = {
-    " ": () => (app.isPlaying ? app.pause() : app.play()),
-    arrowleft: () => app.step(event.shiftKey ? -10 : -1), arrowright: () => app.step(event.shiftKey ? 10 : 1),
-    ",": () => app.step(-1), ".": () => app.step(1),
-    home: () => app.step(-app.turns), end: () => app.step(app.turns),
-    "[": () => app.controls.changeSpeed(-1), "]": () => app.controls.changeSpeed(1),
-    w: () => pan(0, 1), s: () => pan(0, -1), a: () => pan(1, 0), d: () => pan(-1, 0),
-    "+": () => zoom(ZOOM), "=": () => zoom(ZOOM), "-": () => zoom(1 / ZOOM), pageup: () => zoom(ZOOM), pagedown: () => zoom(1 / ZOOM),
-    0: () => app.settings.fit(), f: () => app.select(app.look.selected, !app.isFollowing),
-    l: () => app.settings.toggleLabels(), t: () => app.settings.toggleTrails(), n: () => app.settings.toggleTheme(), p: () => app.panel.toggle(), "?": () => app.settings.toggleKeys(), f1: () => app.settings.toggleKeys(),
+    play: () => (app.isPlaying ? app.pause() : app.play()),
+    back: () => app.step(event.shiftKey ? -10 : -1), on: () => app.step(event.shiftKey ? 10 : 1),
+    start: () => app.step(-app.turns), end: () => app.step(app.turns),
+    slower: () => app.controls.changeSpeed(-1), faster: () => app.controls.changeSpeed(1),
+    "move up": () => pan(0, 1), "move down": () => pan(0, -1), "move left": () => pan(1, 0), "move right": () => pan(-1, 0),
+    "zoom in": () => zoom(ZOOM), "zoom out": () => zoom(1 / ZOOM),
+    "see everything": () => app.settings.fit(), follow: () => app.select(app.look.selected, !app.isFollowing),
+    names: () => app.settings.toggleLabels(), trails: () => app.settings.toggleTrails(), theme: () => app.settings.toggleTheme(), panel: () => app.panel.toggle(), help: () => app.settings.toggleKeys(),
+    "select none": () => escape(app),
   };
-  const action = Object.hasOwn(actions, event.key.toLowerCase()) ? actions[event.key.toLowerCase()] : undefined;
+  const action = actions[actionOf(event)];
   action?.();
   return action !== undefined;
 }

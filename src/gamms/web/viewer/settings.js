@@ -1,12 +1,7 @@
 // The buttons at the upper right: zoom, theme, what is shown, and the keys.
 import { element, iconButton, refill } from "./dom.js";
-import { IS_FRAMED } from "./input.js";
+import { IS_FRAMED, KEY_TABLE } from "./input.js";
 
-const KEYS = [
-  ["space", "play, pause"], [", . ← →", "a turn back, on; arrows with shift ten"], ["Home End", "the first, the last turn"], ["[ ]", "slower, faster"],
-  ["drag, W A S D", "move the map"], [IS_FRAMED ? "ctrl + wheel, + −" : "wheel, + −", "zoom"], ["0", "see everything"], ["click", "select an agent"], ["F", "follow it"], ["Esc", "select none"],
-  ["L T N P", "names, trails, light or dark, panel"], ["? F1", "these keys"],
-];
 const TRAILS = 12;
 
 /** @typedef {import("./app.js").App} App */
@@ -17,7 +12,7 @@ export class Settings {
     this.app = app;
     this.menu = element("div", { class: "menu card", id: "look", hidden: true });
     this.keys = element("div", { class: "menu card", id: "keys", hidden: true }, element("h2", { text: "Keys" }),
-      element("dl", {}, ...KEYS.flatMap(([key, words]) => [element("dt", { text: key }), element("dd", { text: words })])));
+      element("dl", {}, ...Object.entries(KEY_TABLE.help).flatMap(([words, keys]) => [element("dt", { text: IS_FRAMED ? keys.replace("wheel", "ctrl + wheel") : keys }), element("dd", { text: words })])));
     this.lookButton = iconButton("look", "What is shown", () => this.toggle(this.menu, this.lookButton), { "aria-expanded": "false", "aria-controls": "look" });
     this.keysButton = iconButton("help", "Keys (?)", () => this.toggle(this.keys, this.keysButton), { "aria-expanded": "false", "aria-controls": "keys", class: "wide" });
     const zoom = (/** @type {number} */ factor) => app.moveCamera((camera) => camera.zoom(factor));
