@@ -311,6 +311,8 @@ class FirstOnly:
         last = {move.end: name for name, move in moves.items()}
         if ctx.game.turn == 4 and ctx.seed % 3 == 0:
             ctx.game.max_turns = 8
+        if ctx.game.turn == 3 and ctx.seed % 3 == 1 and ctx.game.decide == "arrival":
+            ctx.graph.close_roads([*ctx.graph.graph.get_edges()][:1])
         return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
 
 

@@ -1,16 +1,20 @@
 """Agents that decide where they arrive, in the core: the same games as alone, with any number of threads."""
 
+import logging
+
 import numpy as np
 import pytest
-from batch_scenes import WALK, assert_as_played, check_games, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, check_games, plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
 from gamms.core.arrivals import Queue
+from gamms.errors import IllegalMutation
 from gamms.rules import Conflicts
 
 SEEDS = [3, 4, 5, 6]
+SAID = logging.getLogger("tests of games that leave at arrivals")
 
 
 def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
@@ -137,3 +141,145 @@ def test_array_strategies_with_sensors_that_err_are_called_game_by_game_at_arriv
         games.run()
         assert games.is_in_arrays
         assert_as_played(games, made, {"red": roam})
+
+
+def look_ahead(_, state):
+    state["memory"]["ahead"] = state["fork"](1).game.turn
+
+
+def count_memories(ctx, state):
+    state["memory"]["known"] = len(str(ctx.game.memories))
+
+
+def name_an_edge(_, state):
+    state["action"] = {"edge": state["legal_edges"][-1]}
+
+
+def end_soon(ctx):
+    ctx.game.max_turns = 4
+
+
+def change_map(ctx):
+    ctx.graph.graph.remove_edge(3)
+    ctx.graph.graph.add_edge({"id": 999, "source": 5, "target": 15, "length": 4.0})
+
+
+def slow_down(ctx):
+    ctx.agent.get_agent("red_1").speed = 11.0
+
+
+def send_another(ctx):
+    ctx.agent.create_agent("red_9", start_node_id=0, team="red", strategy=ctx.agent.get_agent("red_0").strategy)
+
+
+def put_out(ctx):
+    ctx.game.eliminate("red_2")
+
+
+class Resolver:
+    """Stops all but the last by name that come to a place, and acts in some games at the given call."""
+
+    def __init__(self, act, last):
+        self._act = act
+        self._last = last
+
+    def resolve(self, moves, ctx):
+        calls = ctx.game.scores["calls"]
+        SAID.warning(f"seed {ctx.seed}, conflict {calls}")
+        ctx.game.scores["calls"] += 1
+        if calls == self._last and ctx.seed % 2:
+            self._act(ctx)
+        last = {move.end: name for name, move in moves.items()}
+        return {name for name, move in moves.items() if last[move.end] != name}
+
+
+def open_arriving(act, last, order, *, is_by_conflicts):
+    """Return a context with a game in which a function acts while agents are on their way, in games with odd seeds."""
+
+    def note(ctx):
+        ctx.game.scores["seed"] = ctx.seed
+
+    def count(ctx):
+        ctx.game.emit(
+            "moves", what=[[*move.path] for move in ctx.game.moves.values()], done=len(ctx.game.performed("rest"))
+        )
+
+    def walk(state):
+        calls = state["memory"]["calls"] = state["memory"].get("calls", 0) + 1
+        seed = ctx.game.scores["seed"]
+        SAID.warning(f"seed {seed}, {state['name']}, call {calls}")
+        lot = state["draw"].below(9) + sum(len(data) for _, data in state["sensor"].values()) + len(state["inbox"])
+        lot += len(state["blocked"] or "") + int(state["rng"].integers(3))
+        node = state["legal"][lot % len(state["legal"])]
+        state["team_memory"][state["name"]] = [state["curr_pos"], state["time"]]
+        state["outbox"].append({"channel": "radio", "to": None, "body": calls})
+        state["action"] = node
+        if calls % 3 == 0:
+            state["action"] = {"node_id": node, "do": {"rest": {}}, "orientation": (1.0, float(calls))}
+        if not is_by_conflicts and calls == last and seed % 2 and state["name"] == "red_1":
+            act(ctx, state)
+
+    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 60.0, "detection": 0.5}}
+    team = {"count": 3, "sensors": ["near"], "speed": 13.0, "strategy": WALK}
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"rest": {}}, "order": order}
+    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
+    teams = {"red": team, "blue": team | {"speed": 25.0}}
+    channels = {"radio": {"range_m": 30.0}}
+    made = scene(rules, side=4, max_turns=6, teams=teams, sensors=eyes, settings=settings, channels=channels)
+    ctx = made.build(seed=1)
+    ctx.game.conflicts = Resolver(act, last) if is_by_conflicts else Conflicts(1)
+    for agent in ctx.agent.create_iter():
+        if agent.name != "blue_2":
+            agent.strategy = walk
+    ctx.game.add(note, phase="before")
+    ctx.game.add(count)
+    return ctx
+
+
+PARTS = [["blue"], ["red"]]
+DECIDING = [look_ahead, count_memories, name_an_edge]
+RESOLVING = [end_soon, change_map, slow_down, send_another, put_out]
+
+
+@pytest.mark.parametrize(
+    ("act", "last", "order"),
+    [
+        *((act, last, order) for act in DECIDING for last, order in ((4, None), (7, PARTS))),
+        *((act, last, order) for act in RESOLVING for last, order in ((1, PARTS), (6, None))),
+    ],
+)
+def test_a_game_that_leaves_while_agents_are_on_their_way_goes_on_at_this_moment(act, last, order, caplog):
+    with open_arriving(act, last, order, is_by_conflicts=act in RESOLVING) as ctx:
+        ctx.game.on_illegal = "stay"
+        with ctx.game.batch(seeds=range(4)) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            games.run()
+            assert [*games.detached] == [1, 3]
+            said = [one for one in caplog.messages if one.startswith("seed")]
+            assert len({*said}) == len(said)
+            assert_as_alone(games, alone)
+
+
+def test_an_agent_that_is_deleted_while_agents_are_on_their_way_is_an_error_in_a_batch_as_alone():
+    def delete(ctx):
+        ctx.agent.delete_agent("red_1")
+
+    with open_arriving(delete, 6, None, is_by_conflicts=True) as ctx:
+        with ctx.game.batch(seeds=range(2)) as games, pytest.raises(IllegalMutation, match="deleted an agent"):
+            games.run()
+        ctx.game.reset(seed=1)
+        with pytest.raises(IllegalMutation, match="Let a rule do it"):
+            ctx.game.run()
+
+
+def test_a_game_that_ends_at_an_arrival_plays_this_part_of_the_turn_to_its_end():
+    with open_arriving(lambda ctx: ctx.game.end("enough"), 6, None, is_by_conflicts=True) as ctx:
+        for name in ("blue_0", "blue_1"):
+            ctx.agent.get_agent(name).strategy = roam_freely
+        check_games(ctx, seeds=range(4))
+
+
+@gamms.array_strategy
+def roam_freely(view):
+    """Go somewhere by lot."""
+    return view.draw.below(view.counts)

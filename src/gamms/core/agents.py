@@ -487,6 +487,9 @@ class MovingAgents:
         """Let other agents take part."""
         self.takes_part[:] = lives
         self.lives = lives
+        for i in range(len(lives)):
+            if lives[i]:
+                self._has_begun[i] = 1
         self.are_all = 0 not in lives
 
     def leave_out(self, starts: memoryview[int], ends: memoryview[int], took_part: bytes) -> int:

@@ -838,6 +838,8 @@ class GameTurn(TurnDriver):
         is_moving: whether agents are deciding and moving now.
         seed_changes: the number of changes of the context's seed.
         made: decisions of agents that were made before, in a batch; None: none were. Any: the game has its own class.
+        under_way: agents that a batch has moved through a part of the turn in which they decide at arrivals, until it
+            goes on here; None: there are none. Any: the game has its own class.
         observers: called in every turn with the agents and their states before any agent decides, in order.
         order_now: the agents; None: they are not known.
         moves_of: the agents with which the moves of the turn began.
@@ -886,6 +888,7 @@ class GameTurn(TurnDriver):
         self.is_moving = False
         self.seed_changes = 0
         self.made: Any = None
+        self.under_way: Any = None
         self.observers: list[Any] = []
         self.order_now: Any = None
         self.moves_of: Any = None
@@ -971,8 +974,8 @@ class GameTurn(TurnDriver):
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
         raise NotImplementedError
 
-    def _ask_left(self, order: Any, part: Any) -> None:
-        """Ask the agents of a part whose decisions are not made, and take the others."""
+    def _ask_left(self, order: Any, part: Any, paths: Any) -> None:
+        """Ask the agents of a part whose decisions are not made, and take the others; `paths` receives paths."""
         raise NotImplementedError
 
     def _ask_part(self, answers: Any, part: Any, seen: Any) -> None:
@@ -1087,7 +1090,7 @@ class GameTurn(TurnDriver):
             state.moves = self.whole  # for those that decide now
             if order.moving.take_lives():
                 order.begin_more()
-        if part.decides_at_arrivals:
+        if part.decides_at_arrivals or self.under_way is not None:
             moves = self._ask_at_arrivals(order, part, self.observers)
         else:
             moves = self.ask(order, part, self.observers)
@@ -1105,7 +1108,7 @@ class GameTurn(TurnDriver):
         """
         answers = self.answers
         if self.made is not None:
-            self._ask_left(order, part)
+            self._ask_left(order, part, paths)
         elif observers or paths is not None or not self.decide_in_core(order, part):
             if self.phase.read_turn is not None:
                 self.forget_states()

@@ -377,7 +377,8 @@ class GamesOnOneMap:
         if not self.core.arrival:
             self._fly_as_given(games, is_given & (self.core.part_of == part))
         self._call_each(games, part, is_given, here)
-        games = games[self.state.is_going[games]]  # others have left
+        if self.state.leaving:
+            games = games[~np.isin(games, [*self.state.leaving])]
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
@@ -387,7 +388,7 @@ class GamesOnOneMap:
                     view._named = np.full(view.node.shape, NO_EDGE)
                 rows = np.ix_(some, agents)
                 if here is not None:
-                    view.draw = view.draw.after(self._drawn[rows]).only(view.mask)
+                    view.draw = view.draw.after(self.core.drawn[rows]).only(view.mask)
                 try:
                     actions[rows] = self._actions(view, group)
                     self._take_acts(view)
@@ -399,7 +400,7 @@ class GamesOnOneMap:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
                 if here is not None:
-                    self._drawn[rows] = view.draw.count
+                    self.core.drawn[rows] = view.draw.count
 
     def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
         """Return the actions of an array function; flying agents stay on the node below them."""
@@ -532,14 +533,13 @@ class GamesOnOneMap:
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn in some games, in which functions are called on arrival."""
         self.core.begin_arrivals(games)
-        self._drawn = np.zeros(self.state.node.shape, np.int64)
         if self.cursor is not None:
             self.cursor.begin_arrivals()
 
-    def give_way_at_arrivals(self, games: IntArray) -> None:
-        """Stop the arrived agents that lose conflicts decided by a function."""
+    def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
+        """Stop the arrived agents of a part of the turn that lose conflicts decided by a function."""
         if self.cursor is not None and self.has_conflicts and len(games):
-            self.cursor.give_way_at_arrivals(games)
+            self.cursor.give_way_at_arrivals(games, part)
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
@@ -1339,7 +1339,8 @@ class BatchEngine(TurnDriver):
         for log in self._logs_of_turn if failed else ():
             log.withdraw(failed)
         for one in illegal if is_later else ():
-            self._maps[self._map_of[one.game]].core.forget_late_deeds(one.game, one.agent)
+            where = np.array([one.game]), np.array([one.agent])
+            self._maps[self._map_of[one.game]].core.note_late_deeds(*where, are_wanted=False)
         for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
             self._maps[self._map_of[flaw.game]].state.refuse(flaw, int(turns[flaw.game]))
 
@@ -1362,10 +1363,12 @@ class BatchEngine(TurnDriver):
                 self._state.notice_interrupt()
                 now = self._arriving(now)
                 turned = len(self._state.turning)
+                for one in self._in_use:
+                    one.core.turned = turned
                 self._ask_at_arrivals(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
                 for one, games in self._each(now):
-                    one.give_way_at_arrivals(games)
+                    one.give_way_at_arrivals(games, part)
                 play(_GO_ON)
                 for one, games in self._each(now):
                     one.note_losers(games)

@@ -636,7 +636,7 @@ class BegunPhase(NamedTuple):
 
     Attributes:
         phase: the name of the phase: "before", "deeds" or "after", in which rules are called; "check" or "give way",
-            whose functions were all called; or "decide".
+            whose functions were all called; "decide"; or "arrive", in which conflicts are resolved at arrivals.
         rules: the rules of the game when the phase began.
         called: how many of the rules that the phase calls were called.
         order: the order of play in this turn; None: all agents move at once.
@@ -645,6 +645,10 @@ class BegunPhase(NamedTuple):
         collects: whether the collectors of the turn are still to be called.
         sensed: (agent, sensor), or (agent, "") for its state, of which functions have replaced the last data in it.
         decided: the decisions that were made, as `MadeDecisions`; None: none were. Any: the class imports this module.
+        under_way: the agents in the middle of a part in which they decide at arrivals, as `AgentsUnderWay`; None: the
+            part has not begun, or they have arrived. Any: as above.
+        map_before: at arrivals, the map of the part of the turn, as `ctx.graph.storage.snapshot` returns it, if a
+            function has changed it; else None. Any: the class is of another package.
     """
 
     phase: str
@@ -656,6 +660,8 @@ class BegunPhase(NamedTuple):
     collects: bool = True
     sensed: frozenset[tuple[str, str]] = frozenset()
     decided: Any = None
+    under_way: Any = None
+    map_before: Any = None
 
     @classmethod
     def after(cls, rule: NamedRule, table: RuleTable, order: Sequence[Sequence[Any]] | None, part: int) -> "BegunPhase":

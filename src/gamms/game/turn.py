@@ -12,22 +12,24 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.core.turn import PHASES_OF_PART, GameTurn, ShippedDecisions, TurnPlan
 from gamms.deciding import DecidePhase
+from gamms.errors import IllegalMutation
 from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.deeds import list_lasting, performed_deeds
 from gamms.game.facts import PrivateForks
 from gamms.game.lasting import doing_of
 from gamms.game.messages import GameMessages
-from gamms.game.movement.arrivals import WAITS, ArrivingAgents
+from gamms.game.movement.arrivals import WAITS, AgentsUnderWay, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
-from gamms.game.movement.travel import ResolvedAction
+from gamms.game.movement.travel import GamePaths, ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.result import Collectors
 from gamms.game.settings import BegunPhase, RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.ir.agents import AgentBlock, show_numbers
+from gamms.ir.columns import copied_column
 from gamms.ir.deeds import PlainDeeds
 from gamms.ir.game_state import BlockedAgents, GameState, in_conflict
 from gamms.limits import GarbagePause
@@ -121,6 +123,8 @@ class TurnEngine(GameTurn):
         self._conflicts = TurnConflicts()
         self.seen: dict[int, dict[str, Any]] = {}
         self._sensed: Mapping[str, dict[str, Any]] = {}  # agent -> the data of its sensors, called in a batch
+        self._map_before: Any = None  # see `BegunPhase`
+        self._departure_before: DeletedAgent | None = None  # the last one when agents began to arrive
         self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.messages = GameMessages(ctx, settings, state)
         self.read_inbox: Callable[[str], list[dict[str, Any]]] = self.messages.received
@@ -509,6 +513,11 @@ class TurnEngine(GameTurn):
             self.rules.apply("deeds", self.state, begun)
             self._follow_deeds(turn, may_be_closed=True)
             return
+        self._map_before = begun.map_before
+        if begun.under_way is not None:
+            self.under_way = begun.under_way._replace(raised=begun.raised)
+            self.made = begun.decided
+            return
         if begun.raised is not None:
             raise begun.raised
         if begun.phase == "decide":
@@ -678,14 +687,14 @@ class TurnEngine(GameTurn):
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def _ask_left(self, order: TurnOrder, part: TurnPart) -> None:
+    def _ask_left(self, order: TurnOrder, part: TurnPart, paths: GamePaths | None) -> None:
         """Ask the agents of a part whose decisions were not made in a batch, and take the others."""
         made: MadeDecisions = self.made
         self.made = None
         self._sensed = made.sensed
         try:
             left = [i for i in part.members if order.names[i] not in made.ends]
-            self.decide(order, order.part_of(left, is_whole=False))
+            self.decide(order, order.part_of(left, is_whole=False), (), paths)
         finally:
             self._sensed = {}
         self.answers.take_made(made, order.index_of)
@@ -723,33 +732,123 @@ class TurnEngine(GameTurn):
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        self._leave_closed_edges(order, part)
-        arrivals = self._arriving(order, part)
-        turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
+        under_way: AgentsUnderWay | None = self.under_way
+        self.under_way = None
+        self._departure_before = self._ctx.agent.storage.last_departure
+        if under_way is None:
+            self._leave_closed_edges(order, part)
+        elif not order.index_of.keys() >= {*under_way.names}:
+            self._departure_before = None
+            self._refuse_deletion()
+        self._keep_map()
+        arrivals = self._arriving(order, part, under_way)
         try:
-            self._set_out(turn, {}, arrivals)
+            if under_way is None:
+                turn: TurnMoves = self.ask(order, order.part_of(arrivals.begin()), observers, arrivals.chosen)
+                self._set_out(turn, {}, arrivals)
+            else:
+                turn = self._continue_arrivals(order, under_way, arrivals)
             while arrivals.arrive():
-                self.legality.set_time(arrivals.now)
-                actions: Mapping[int, ResolvedAction] = {}
-                if arrivals.now < 1.0:
-                    here = order.part_of(arrivals.here)
-                    actions = self.ask(order, here, [], arrivals.chosen).actions
-                self._set_out(turn, actions, arrivals)
+                self._decide_here(turn, arrivals)
         finally:
+            self.legality.keep_map(keeps=False)
             self.legality.set_time(0.0)
-            arrivals.close()
+            if self._has_all_agents():
+                arrivals.close()
         arrivals.end(turn)
+        if under_way is not None:
+            order.moving.let_take_part(turn.took_part)  # agents that have come meanwhile stay
+            self._last_arriving.clear()  # the teams and speeds may be others now
+            for name in under_way.names:
+                order.slots[order.index_of[name]].renew_speed()
         return turn
 
-    def _arriving(self, order: TurnOrder, part: TurnPart) -> ArrivingAgents:
+    def _has_all_agents(self) -> bool:
+        """Return whether no agent was deleted since the arrivals of a part of the turn began."""
+        return self._departure_before is self._ctx.agent.storage.last_departure
+
+    def _refuse_deletion(self) -> None:
+        """Raise an error if a function has deleted agents, some of which may be on their way.
+
+        Raises:
+            IllegalMutation: one has.
+        """
+        if not self._has_all_agents():
+            raise IllegalMutation(
+                "A function of conflicts, or a sensor, has deleted an agent while agents are on their way, in turn "
+                f"{self.state.turn} (decide='arrival'). Let a rule do it: rules are called before and after the moves."
+            )
+
+    def _keep_map(self) -> None:
+        """Let agents that decide at arrivals go on the map on which the part of the turn began, until it is over."""
+        before = self._map_before
+        self._map_before = None
+        if before is None:
+            self.legality.keep_map(keeps=True)
+            return
+        storage = self._ctx.graph.storage
+        now = storage.snapshot()
+        storage.restore(before)
+        self.legality.keep_map(keeps=True)
+        storage.restore(now)
+
+    def _let_take_part(self, order: TurnOrder, under_way: AgentsUnderWay) -> bytes:
+        """Let agents be on their way that were alive when the part of the turn began.
+
+        Returns:
+            Whether each agent takes part in the turn: also those that have come since, which stay.
+        """
+        lives = bytearray(len(order.names))
+        took_part = bytearray(order.moving.lives)
+        for name, is_alive, speed in zip(under_way.names, under_way.lives, under_way.speeds, strict=True):
+            i = order.index_of[name]
+            order.slots[i].keep_speed(speed)
+            lives[i] = is_alive
+            took_part[i] = is_alive
+        order.moving.let_take_part(bytes(lives))
+        order.begin_more()
+        return bytes(took_part)
+
+    def _continue_arrivals(self, order: TurnOrder, under_way: AgentsUnderWay, arrivals: ArrivingAgents) -> TurnMoves:
+        """Play the rest of arrivals at which a game has left a batch; return the moves of the turn."""
+        arrivals.put_back(under_way)
+        took_part = self._let_take_part(order, under_way)
+        arrivals.take(under_way)
+        starts = copied_column(arrivals.starts)
+        for name, node in zip(under_way.names, under_way.starts, strict=True):
+            starts[order.index_of[name]] = node  # a function may have put it elsewhere since
+        index_of = order.index_of
+        actions = {index_of[name]: action for name, action in under_way.actions.items()}
+        turn = TurnMoves(order, starts, copied_column(starts), actions, took_part=took_part)
+        if under_way.raised is not None:
+            raise under_way.raised
+        if under_way.decides:
+            self._decide_here(turn, arrivals)
+        else:
+            losers = [index_of[under_way.names[place]] for place in under_way.losers]
+            self._go_on(turn, {index_of[name]: one for name, one in under_way.headings.items()}, arrivals, losers)
+        return turn
+
+    def _decide_here(self, turn: TurnMoves, arrivals: ArrivingAgents) -> None:
+        """Ask the agents that arrive now, unless the turn is over, and let them go on."""
+        order = turn.order
+        self.legality.set_time(arrivals.now)
+        actions: Mapping[int, ResolvedAction] = {}
+        if arrivals.now < 1.0:
+            here = order.part_of(arrivals.here)
+            actions = self.ask(order, here, [], arrivals.chosen).actions
+        self._set_out(turn, actions, arrivals)
+
+    def _arriving(self, order: TurnOrder, part: TurnPart, under_way: AgentsUnderWay | None) -> ArrivingAgents:
         """Return the agents of a part that decide at arrivals, in the form of the core; the same if possible."""
-        known = self._last_arriving.get(self.part)
+        known = self._last_arriving.get(self.part) if under_way is None else None
+        members = part.members if under_way is None else under_way.find_moving(order.index_of)
         roads = self.legality.travel.roads
-        has_end = self._settings.conflicts is not None
+        has_end = self._settings.conflicts is not None if under_way is None else under_way.has_end
         if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
             modes = dict.fromkeys(slot.mode for slot in order.slots if slot.mode is not None)
             of_modes = {mode: self.legality.of_mode(mode).travel.roads for mode in modes}
-            known = ArrivingAgents(order, part.members, roads, of_modes, has_end=has_end)
+            known = ArrivingAgents(order, members, roads, of_modes, has_end=has_end)
             self._last_arriving[self.part] = known
         return known
 
@@ -762,21 +861,35 @@ class TurnEngine(GameTurn):
             arrivals: the agents.
         """
         arrivals.choose([i for i, action in actions.items() if action.deeds])
-        stopped = dict[int, Any]()
+        losers = list[int]()
         if self._settings.conflicts is not None:
-            before, after = arrivals.places()
-            losers = self.losers_between(turn.order, before, after)
-            stopped = {i: before[i] for i, _ in losers}
-            for i, place in losers:
-                turn.order.blocked[i] += 1
-                self._block(turn.slots[i], in_conflict(place))
-        for i, why in arrivals.go_on(stopped):
+            losers = [i for i, _ in self.losers_between(turn.order, *arrivals.places())]
+        headings = {i: action.heading for i, action in actions.items() if action.heading != ()}
+        self._go_on(turn, headings, arrivals, losers)
+
+    def _go_on(
+        self, turn: TurnMoves, headings: Mapping[int, Any], arrivals: ArrivingAgents, losers: Sequence[int]
+    ) -> None:
+        """Let agents go on that have decided; see `_set_out`.
+
+        Args:
+            turn: the moves of the turn.
+            headings: slot -> the heading that an agent has chosen at its arrival.
+            arrivals: the agents.
+            losers: the slots of the agents that lose conflicts.
+        """
+        self._refuse_deletion()
+        for i in losers:
+            turn.order.blocked[i] += 1
+            self._block(turn.slots[i], in_conflict(arrivals.goal(i)))
+        stopped = {*losers}
+        for i, why in arrivals.go_on(losers):
             self._note_illegal(turn.slots[i], why)
             if why == WAITS:
-                stopped[i] = why
-        for i, action in actions.items():
-            if i not in stopped and action.heading != ():
-                turn.turn_to(i, action.heading)
+                stopped.add(i)
+        for i, heading in headings.items():
+            if i not in stopped:
+                turn.turn_to(i, heading)
 
     def losers_between(self, order: TurnOrder, before: list[Any], after: list[Any]) -> list[tuple[int, Any]]:
         """Return the slots of the agents that lose conflicts of moves between places, and where they wanted to go."""

@@ -30,7 +30,7 @@ from gamms.game.block.strategy_steps import (
 )
 from gamms.game.block.travelers import NO_LEGS, ThreadTravel, TravelColumns, in_parts
 from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ranked_for_all
-from gamms.game.movement.arrivals import NO_DEEDS, WAITS
+from gamms.game.movement.arrivals import NO_DEEDS, WAITS, AgentsUnderWay
 from gamms.game.movement.courses import Courses, Paths, paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.streets import StreetGraph
@@ -807,9 +807,13 @@ class CoreGames:
         edges: the edges that given actions name.
         deciders: the columns of the games, and the agents that decide in them.
         arrival: the number of arrivals in this part of the turn, if functions are called on arrival; else None.
+        turned: the number of headings that agents had chosen in it before the last arrivals.
+        drawn: (games, agents) how often each agent has drawn in it.
     """
 
     arrival: int | None = None
+    turned = 0
+    drawn: IntArray
 
     def __init__(
         self,
@@ -937,6 +941,45 @@ class CoreGames:
 
     # -- arrivals -----------------------------------------------------------------------------------------------------
 
+    def hand_over(
+        self, game: int, numbers: IntArray, names: Sequence[str], speeds: Sequence[float | None], *, decides: bool
+    ) -> AgentsUnderWay:
+        """Return the agents of a game in a part of a turn in which they decide at arrivals.
+
+        Args:
+            game: the number of the game.
+            numbers: the numbers of its agents, ascending.
+            names: their names.
+            speeds: their speeds.
+            decides: whether the agents that arrive now have not decided yet.
+        """
+        columns = self._columns
+        assert columns is not None  # noqa: S101 - agents decide at arrivals
+        node, *on_edge = (one[game, numbers] for one in self._before)
+        progress = self._state.movement.progress(*on_edge)
+        lives = self._state.alive[game, numbers]
+        moves = lives & (self.part_of[numbers] == self._block.part[game])
+        here = np.flatnonzero(np.isin(numbers, self._arrivals.list_here(game))).tolist()
+        places = ([self._place_of(row) for row in rows[game, numbers].tolist()] for rows in self._ends)
+        counts = self._arrivals.counts_of(game, numbers)
+        return AgentsUnderWay(
+            names=names,
+            speeds=speeds,
+            lives=lives.tolist(),
+            moves=moves.tolist(),
+            now=float(self._arrivals.now[game]),
+            has_end=self._has_conflicts,
+            decides=decides,
+            here=here,
+            starts=self._state.streets.ids(node).tolist(),
+            progress=[progress.get(i) for i in range(len(names))],
+            places=[*zip(*places, strict=True)],
+            nodes=self._state.streets.ids(counts.pop("nodes")).tolist(),
+            counts={name: column.tolist() for name, column in counts.items()},
+            paths=columns.copy_under_way(game, numbers, moves),
+            losers=[i for i in here if self._block.held[game, numbers[i]]],
+        )
+
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
         block = self._block
@@ -945,6 +988,7 @@ class CoreGames:
         columns.begin_arrivals()
         self._arrivals = columns.arrivals
         self._ends = columns.ends
+        self.drawn = columns.drawn
         self._arrivals.now[games] = arrivals.UNBEGUN
         self._before = [one.copy() for one in self._on_edges]
         self._last = block.start.copy(), block.went.copy(), block.takes_part.copy()
@@ -979,13 +1023,9 @@ class CoreGames:
         found = [[self._place_of(row) for row in rows[game].tolist()] for rows in self._ends]
         return found[0], found[1]
 
-    def note_late_deeds(self, games: IntArray, agents: IntArray) -> None:
-        """Record agents that want to do deeds on arrival, one for each of these games."""
-        self._arrivals.late[games, agents] = 1
-
-    def forget_late_deeds(self, game: int, agent: int) -> None:
-        """Record that an agent has no decision, because its action was illegal."""
-        self._arrivals.late[game, agent] = 0
+    def note_late_deeds(self, games: IntArray, agents: IntArray, *, are_wanted: bool = True) -> None:
+        """Record whether agents want to do deeds on arrival, one for each of these games."""
+        self._arrivals.late[games, agents] = are_wanted
 
     def end_arrivals(self, *, is_played: bool) -> None:
         """Put agents back to where the part of the turn began; if it was played, they move at its end."""

@@ -13,8 +13,9 @@ from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
 from gamms.game.movement.courses import Courses
 from gamms.game.movement.legal_moves import Movement
 from gamms.game.movement.roads import RoadMap, RoadTables
-from gamms.game.movement.travel import NO_ROWS, ReachableNodes, StoredPaths, TurnPaths
+from gamms.game.movement.travel import NO_ROWS, GamePaths, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels import buffer
 from gamms.limits import refuse_above
 
@@ -110,6 +111,7 @@ class TravelColumns:
         courses: the paths of agents in all games, if functions are called.
         on_edges: the positions of agents on edges, see `rules.GameColumns`.
         ends: the start and end places of moves, as numbered in conflicts, (games, agents) each; None: nodes.
+        drawn: by metres, (games, agents) how often each agent has drawn in the turn.
     """
 
     def __init__(
@@ -144,7 +146,7 @@ class TravelColumns:
         if by.by_metres:
             starts, ends = np.zeros((2, *self._shape), np.int64)
             self.ends = starts, ends
-            self._drawn = np.zeros(rows, np.int64)
+            self.drawn = np.zeros(self._shape, np.int64)
             self._longest_route = max(self._ways.most, self._most)
             self._longest = max(8, self._most if by.is_endless else 0)
             self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
@@ -198,6 +200,17 @@ class TravelColumns:
             if written is not None:
                 travelers.take_paths(written.bind_thread(self._longest_route), has_all=True)
             at_arrivals.keep_last(last.core if self._are_arriving and last is not None else None)
+
+    def copy_under_way(self, game: int, numbers: IntArray, moves: BoolArray) -> GamePaths:
+        """Return the paths of agents of a game in the part of a turn that is under way, for those that move in it."""
+        assert self._under_way is not None  # noqa: S101 - agents arrive
+        assert self.courses is not None  # noqa: S101 - as well
+        found = GamePaths(len(numbers))
+        for place in np.flatnonzero(moves).tolist():
+            row = game * self._agents + int(numbers[place])
+            room = max(int(self._under_way.legs[row]), int(self._under_way.passed[row]))
+            found.take(place, self._under_way.core, row, room, self.courses.road_ids)
+        return found
 
     def _known(self) -> travel.LegalCache:
         """Return memory for the legal nodes that a thread remembers."""
@@ -265,7 +278,7 @@ class TravelColumns:
             motion=by.motion.reshape(-1).data,
             start_places=self.ends[0].reshape(-1).data,
             end_places=self.ends[1].reshape(-1).data,
-            drawn=self._drawn.data,
+            drawn=self.drawn.reshape(-1).data,
             most_edges=1 if by.terms.decides_at_arrivals else travel.UNLIMITED,
             has_all=courses is not None,
             **columns,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import GameArrays, GameRow, LeavesSharedContext
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.pointed import GamesToShow, PointedContext
-from gamms.game.cursor.shown import AskedAgents, ShownGame
+from gamms.game.cursor.shown import AskedAgents, ShownGame, StreamPositions
 from gamms.game.decisions import Decisions
 from gamms.game.messages import MessageTraffic, read_outboxes
 from gamms.game.movement.courses import Routes
@@ -33,18 +33,6 @@ from gamms.ir.obstacles import BoolArray
 def _itself(function: object) -> object:
     """Return the function of a collector for another game of the batch."""
     return function
-
-
-class _StreamPositions(NamedTuple):
-    """The positions of agents' random streams and sensors in a turn, for agents that are asked again.
-
-    Attributes:
-        streams: the marks by names of agents; see `AgentSlot.marks`.
-        looks: the marks of the sensors that count their looks; see `DetectionModel.mark`.
-    """
-
-    streams: dict[str, tuple[Any, Any]]
-    looks: list[Any]
 
 
 class Cursor:
@@ -69,7 +57,6 @@ class Cursor:
     wanted: memoryview | None
     asks_anew: bool
     takes_all: bool
-    _marks: dict[int, _StreamPositions]  # of games, while agents arrive
 
     def __init__(
         self, game: PlayedGame, pointed: PointedContext, state: GameArrays, core: CoreGames, called: CalledFunctions
@@ -87,6 +74,7 @@ class Cursor:
         self._values = parts.state
         self._phase = phase_of(game.ctx)
         self._deeds = PlainDeeds(0, [])  # that agents want to do now
+        self._marks = dict[int, StreamPositions]()  # of games, while agents arrive
         asked_names = {state.roster.names[number] for number in called.asked}
         pointed.at_start.undone = {name: why for name, why in parts.state.blocked.items() if name in asked_names}
 
@@ -123,7 +111,7 @@ class Cursor:
         """Stop playing the current game here, and restore the context."""
         before = self._shown
         goes_on = self._can_take_along and before.begun is not None and not before.begins_again
-        game = before.take_along() if goes_on else None
+        game = before.take_along(self._marks.get(self._pointed.number)) if goes_on else None
         self._state.leave(np.array([self._pointed.number]), before.why, game)
         turns = self._turns
         is_moving = turns.is_moving
@@ -142,10 +130,8 @@ class Cursor:
         can_keep = has_same_agents or not GameRow.of(self._state, number).keeps_for_agents
         return can_keep and not self._called.first.has_begun_turn
 
-    def _begin_phase(self, phase: str, part: int) -> BegunPhase | None:
-        """Return a phase of a part of the turn, if games can leave in it and go on from there; None: they cannot."""
-        if self._core.arrival is not None:
-            return None
+    def _begin_phase(self, phase: str, part: int) -> BegunPhase:
+        """Return a phase of a part of the turn, in which games that leave go on."""
         return BegunPhase(phase, self._parts.rules.now.rules, 0, self._parts.settings.order, part=part)
 
     def _have_left(self, games: IntArray) -> bool:
@@ -238,9 +224,9 @@ class Cursor:
         """Begin a part of the turn in which agents are asked on arrival."""
         self._marks = {}
 
-    def give_way_at_arrivals(self, games: IntArray) -> None:
+    def give_way_at_arrivals(self, games: IntArray, part: int) -> None:
         """Stop arrived agents that lose conflicts decided by a function, in these games."""
-        self._call_each(self._give_way_at_arrivals, games)
+        self._call_each(self._give_way_at_arrivals, games, begun=self._begin_phase("arrive", part))
 
     def _give_way_at_arrivals(self) -> None:
         order = self._shown.ordered.order
@@ -250,6 +236,7 @@ class Cursor:
         for i, _ in self._turns.losers_between(order, before, after):
             self._core.hold(number, agents[i])
         self._shown.refuse_other_agents("the function of conflicts")
+        self._shown.leave_with_other_map()
 
     def note_losers(self, games: IntArray) -> None:
         """Tell agents that conflicts have stopped them on arrival."""
@@ -339,7 +326,7 @@ class Cursor:
         return f"In game {self._pointed.number} of a batch, with the seed {self._state.seeds[self._pointed.number]}."
 
     @contextmanager
-    def _deciding(self, games: IntArray, begun: BegunPhase | None) -> Iterator[None]:
+    def _deciding(self, games: IntArray, begun: BegunPhase) -> Iterator[None]:
         """Let agents observe and decide in games at which the context is pointed; see `_begin_phase`."""
         turns = self._turns
         self._begin()
@@ -461,15 +448,19 @@ class Cursor:
         number = self._pointed.number
         turns = self._turns
         slots = self._shown.ordered.order.slots
-        known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._shown.cached.notices]))
+        known = self._marks.get(number, StreamPositions({}, [{} for _ in self._shown.cached.notices]))
         for notice, looks in zip(self._shown.cached.notices, known.looks, strict=True):
             notice.go_to(looks)
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
         turns.legality.set_time(self._state.time[number].item())
-        decisions: Decisions = turns.decide(self._shown.ordered.order, asked.part)
+        turns.legality.keep_map(keeps=True)
+        try:
+            decisions: Decisions = turns.decide(self._shown.ordered.order, asked.part)
+        finally:
+            turns.legality.keep_map(keeps=False)
         streams = {name: slots[i].marks() for i, name in asked.members}
-        self._marks[number] = _StreamPositions(
+        self._marks[number] = StreamPositions(
             known.streams | streams, [notice.mark() for notice in self._shown.cached.notices]
         )
         return decisions
@@ -483,6 +474,8 @@ class Cursor:
         try:
             if shown.journal.log or shown.journal.progressed or shown.has_ended:
                 shown.go_alone("that is a sensor changes agents or ends the game")
+            if self._core.arrival is not None:
+                shown.leave_with_other_map()
             shown.take()
         except LeavesSharedContext:
             lives = np.frombuffer(shown.block.alive.tobytes(), np.bool_)

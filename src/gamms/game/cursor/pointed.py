@@ -673,6 +673,12 @@ class PointedContext:
             self.map.restore(self._first_map if roads is None else roads.snapshot)
             self._note_map(roads)
 
+    @property
+    def map_before(self) -> Any:
+        """The map of the game without what a function has changed last."""
+        roads = self.roads
+        return self._first_map if roads is None else roads.snapshot
+
     def _note_map(self, roads: RoadMap | None) -> None:
         self.roads = roads
         self.map_changes = self.map.changes()

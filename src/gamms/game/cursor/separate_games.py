@@ -78,7 +78,9 @@ class LooksBefore:
 def _turns_of_looks(game: PlayedGame) -> int:
     """Return the number of turns in which agents have decided, of a game that has left its batch in a turn."""
     begun = game.internals.parts.turns.begun
-    return game.turn + (begun is not None and begun.phase in ("check", "deeds", "give way"))
+    if begun is None:
+        return game.turn
+    return game.turn + (begun.under_way is not None or begun.phase in ("check", "deeds", "give way"))
 
 
 class SeparateGames:

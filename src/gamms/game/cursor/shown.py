@@ -20,6 +20,7 @@ from gamms.game.cursor.own_functions import function_of_game
 from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.messages import MessageTraffic
+from gamms.game.movement.arrivals import AgentsUnderWay
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
@@ -68,6 +69,18 @@ class AskedAgents(NamedTuple):
     places: list[int]
     members: list[tuple[int, str]]
     templates: list[tuple[str, dict[str, Any]]]
+
+
+class StreamPositions(NamedTuple):
+    """The positions of agents' random streams and sensors in a turn, for agents that are asked again.
+
+    Attributes:
+        streams: the marks by names of agents; see `AgentSlot.marks`.
+        looks: the marks of the sensors that count their looks; see `DetectionModel.mark`.
+    """
+
+    streams: dict[str, tuple[Any, Any]]
+    looks: list[Any]
 
 
 class _OrderInGames(NamedTuple):
@@ -219,6 +232,7 @@ class ShownGame(GamesInContext):
         self.has_ended = False
         self.begun: BegunPhase | None = None
         self.begins_again = False
+        self._under_way: AgentsUnderWay | None = None  # of the game that leaves
         pointed.hold()
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
         self.looks = GuardedDict({}, None, lambda _: self.leave("reads what agents have sensed"))
@@ -316,15 +330,25 @@ class ShownGame(GamesInContext):
             self.leave(what)
         self.read_of_core = self.read_of_core or what
 
-    def take_along(self) -> Any:
+    def take_along(self, positions: StreamPositions | None) -> Any:
         """Return the game that is shown, which leaves, in a context of its own; Any: it is a `Game`.
 
         The context has what functions have changed. The game is in the middle of a turn: its next `step` plays the
         rest of it.
+
+        Args:
+            positions: the streams and looks of agents that functions have decided for at arrivals; None: for none.
         """
         begun = self.begun
         assert begun is not None  # noqa: S101 - else it begins again
         is_within = begun.phase not in ("before", "after")
+        drawn = {}
+        if self._core.arrival is not None and self.has_other_map:
+            begun = begun._replace(map_before=self._pointed.map_before)
+        if begun.phase == "arrive" or (begun.phase == "decide" and self._core.arrival):
+            self._under_way = self._hand_over_arrivals(begun.phase)
+            begun = begun._replace(under_way=self._under_way)
+            drawn = self._continue_streams(self._under_way, positions)
         earlier = self._show_decisions(begun) if is_within else None
         if begun.phase == "decide":
             decided = self._hand_over() if self.raised is None else None
@@ -348,7 +372,7 @@ class ShownGame(GamesInContext):
         raised = None if isinstance(self.raised, LeavesSharedContext) else self.raised
         parts.turns.begun = begun._replace(rules=copy_rules(begun.rules, memo), raised=raised, sensed=sensed)
         parts.turns.note_departed()  # from here on
-        parts.turns.restore(source.snapshot.part("turns"))
+        parts.turns.restore(drawn | source.snapshot.part("turns"))
         parts.turns.phase.read_last_turn()  # before other agents decide
         if self._phase.strategy_changes == self._changes[0]:
             parts.turns.prepared = parts.turns.phase.strategy_changes
@@ -356,8 +380,49 @@ class ShownGame(GamesInContext):
         if earlier is not None:
             parts.turns.whole = copy_moves(earlier, parts, memo)
         if is_within:
-            self._copy_logs(state, parts.turns.messages)
+            self._copy_logs(state, parts.turns.messages, begun)
         return ctx.game
+
+    def _hand_over_arrivals(self, phase: str) -> AgentsUnderWay:
+        """Return the agents of the game that leaves while they arrive."""
+        number = self._pointed.number
+        agents = np.sort(self._population.numbers)
+        names = [self._state.roster.names[i] for i in agents.tolist()]
+        order = self.ordered.order
+        speeds = [order.slots[order.index_of[name]].speed for name in names]
+        found = self._core.hand_over(number, agents, names, speeds, decides=phase == "decide")
+        actions: dict[str, ResolvedAction] = {}
+        if self._state.flights is not None:
+            acting = np.where(found.moves, agents, -1)
+            actions = {names[place]: one for place, one in self._flights_of(acting, found.starts).items()}
+        node_of = dict(zip(names, found.starts, strict=True))
+        headings = {}
+        now = self._core.turned if self._core.arrival else len(self._state.turning)
+        for place, (game, agent, heading) in enumerate(self._state.turning):
+            name = self._state.roster.names[agent]
+            if game == number and place >= now:
+                headings[name] = heading
+            elif game == number:
+                action = actions.get(name) or ResolvedAction(node_of[name], (node_of[name],))
+                actions[name] = action._replace(heading=heading)
+        return found._replace(actions=actions, headings=headings)
+
+    def _continue_streams(
+        self, under_way: AgentsUnderWay, positions: StreamPositions | None
+    ) -> dict[str, tuple[Any, Any]]:
+        """Let sensors count on in this turn; return the positions of the streams of agents, see `AgentSlot.marks`."""
+        known = positions or StreamPositions({}, [])
+        counts = dict(zip(under_way.names, under_way.count_decisions(), strict=True))
+        is_asked = {id(notice) for notice in self.cached.notices}
+        for notice, looks in zip(self.cached.notices, known.looks, strict=False):
+            if not under_way.decides:
+                notice.go_to(looks)
+        for sensor, name in self.cached.counting:
+            if id(sensor.notice) not in is_asked:
+                sensor.notice.go_to({name: (self._values.turn, counts[name])} if counts.get(name) else {})
+        drawn = self._core.drawn[self._pointed.number].tolist()
+        named = {name: drawn[self.number_of[name]] for name in under_way.names}
+        return {name: (count, None) for name, count in named.items() if count} | known.streams
 
     def _make_fork(self, source: ForkSource) -> tuple[Any, Memo]:
         """Return a context with the game, whose random streams go on, and the counterparts of objects in it."""
@@ -376,13 +441,17 @@ class ShownGame(GamesInContext):
             streams[0].bit_generator.state = streams[1].bit_generator.state
         return ctx, memo
 
-    def _copy_logs(self, state: GameState, messages: MessageTraffic) -> None:
+    def _copy_logs(self, state: GameState, messages: MessageTraffic, begun: BegunPhase) -> None:
         """Let a fork go on with the deeds of this part of the turn, and with the messages that will be sent after it.
 
         While agents decide, there are no deeds yet, and the messages are those of earlier parts.
         """
         number = self._pointed.number
-        if self.part is not None:
+        if begun.under_way is not None:
+            numbers = [*map(self.number_of.get, sorted(self._ctx.agent.agents))]  # None: it has no row
+            slots = {number: i for i, number in enumerate(numbers) if number is not None}
+            self._state.deed_log.copy_wanted(number, state.deed_log, begun.part, slots)
+        elif self.part is not None:
             self._state.deed_log.copy_part(number, state.deed_log)
         if self._state.radio is not None:
             self._state.radio.copy_admitted(number, messages)
@@ -409,9 +478,13 @@ class ShownGame(GamesInContext):
         part = begun.part
         games = np.array([number])
         here, _, took_part = (column[0] for column in self._core.next_moves(games, part))
+        if begun.under_way is not None:
+            here = here.copy()
+            starts = dict(zip(begun.under_way.names, begun.under_way.starts, strict=True))
+            here[[self.number_of[name] for name in starts]] = self._state.streets.rows([*starts.values()])
         has_moved = self._core.part_of < part
         moves: TurnMoves | None = self.read("moves")
-        for game, agent, heading in self._state.turning if begun.phase != "decide" else ():
+        for game, agent, heading in self._state.turning if begun.phase not in ("arrive", "decide") else ():
             if game == number:
                 assert moves is not None  # noqa: S101 - it has those of this turn
                 moves.turn_to(moves.order.index_of[self._state.roster.names[agent]], heading)
@@ -464,13 +537,17 @@ class ShownGame(GamesInContext):
         number = self._pointed.number
         names = state.roster.names
         found = BlockedAgents(self.own_row().undone)
-        told = {*found}
+        told = {*found, *(names[number] for number in self._called.asked)}  # asked agents are told in `undone`
         begun = self.begun
         decided = 0 if self.part is None else self.part + 1  # the parts of the turn in which agents have decided
-        if begun is not None and begun.phase == "decide":
+        if begun is not None and begun.phase in ("arrive", "decide"):
             decided = begun.part
+        has_decided = self._core.part_of < decided
+        if self._under_way is not None:
+            counts = zip(self._under_way.names, self._under_way.count_decisions(), strict=True)
+            has_decided[[self.number_of[name] for name, count in counts if count]] = True
         for error in state.errors.of(number):
-            last = state.turn[number] - (self._core.part_of[self.number_of[error["agent"]]] >= decided)
+            last = state.turn[number] - (not has_decided[self.number_of[error["agent"]]])
             if error["turn"] == last and error["agent"] not in told:
                 found.add(error["agent"], error["message"])
         for agent in np.flatnonzero(state.blocked[number]).tolist():  # in its last turn
@@ -745,7 +822,7 @@ class ShownGame(GamesInContext):
         self._note_read("reads ctx.game.memories")
         number = self._pointed.number
         found = self.own_row().memories
-        has_moved = self._state.turn[number] > self._called.first.turn
+        has_moved = self._state.turn[number] > self._called.first.turn or self._under_way is not None
         for name, memory in self._core.memories_of(number).items() if has_moved else ():
             found[name].update(memory)
         return {**found}
@@ -1008,7 +1085,9 @@ class ShownGame(GamesInContext):
         what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
         if has_drawn or not self.cached.are_plain:
             at_arrivals = self._parts.settings.decide == "arrival"
-            if self.part is not None and (has_drawn or at_arrivals):  # agents have, any number of times
+            is_arriving = self._core.arrival is not None
+            is_moving = self.part is not None and (has_drawn or at_arrivals)
+            if is_arriving or is_moving:  # agents have, any number of times
                 self.leave(what)
             self._note_read(what)
 
@@ -1016,6 +1095,16 @@ class ShownGame(GamesInContext):
         """Let the game leave if a function has changed agents otherwise than by own attributes."""
         if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
             self.go_alone(f"that is {what} changes agents")
+
+    @property
+    def has_other_map(self) -> bool:
+        """Whether a function has changed the map since it was taken."""
+        return bool(self._pointed.map.changes() != self._pointed.map_changes)
+
+    def leave_with_other_map(self) -> None:
+        """Let the game leave if a function has changed the map: until agents have arrived, the map is another one."""
+        if self.has_other_map:
+            self.go_alone("changes the map while agents are on their way")
 
     def cancel(self, agent: int) -> None:
         """Cancel the move of an agent of the game that the context is pointed at."""

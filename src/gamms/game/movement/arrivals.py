@@ -1,10 +1,10 @@
 """Turns by metres in which agents decide at arrivals: columns for `gamms.core.arrivals`, of a batch or of one game."""
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import partial
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from gamms.core.travel import GoalPaths, TurnPaths
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import GamePaths, RoadMap
 from gamms.game.order import TurnOrder
+from gamms.ir.graph import IntArray
+from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import EdgePlace
 
 MOST_ARRIVALS = 1000  # per turn; beyond, an agent would move endlessly on edges of length 0
@@ -39,7 +41,67 @@ _NO_BYTES: Any = np.zeros(0, np.uint8).data
 _ENDLESS: Any = np.full(1, np.iinfo(np.int64).max).data  # turns
 _GOING: Any = np.zeros(1, np.int64).data  # a turn of one game is not interrupted in the core
 _NO_PAST = turn.PastPlaces(0, _NO_INTS, _NO_INTS, _NO_FLOATS, _NO_INTS, _NO_INTS)
+_OF_ARRIVALS = ("asked", "comes", "late", "legs", "passed", "nodes")
 _MORE_LEGS = 2  # of a path to the next node
+
+
+class AgentsUnderWay(NamedTuple):
+    """The agents of a game in the middle of a part of a turn in which they decide at arrivals.
+
+    A game that leaves its batch there goes on with them. Agents are given by their places in `names`.
+
+    Attributes:
+        names: the names of the agents of the game, in order.
+        speeds: the speed of each in this turn.
+        lives: whether each was alive when the part began.
+        moves: whether each moves in this part.
+        now: the time of the last arrivals.
+        has_end: whether arrivals at the end of the turn count, because there are conflicts.
+        decides: whether the agents that arrive now have not decided yet; else functions have resolved conflicts.
+        here: the agents that arrive now, or at time 0 set out.
+        starts, progress: the node of each when the part began, and its position on an edge, None: it was on the node.
+        places: the places of each before and after its move, node ids or edges.
+        nodes: the node of each at its last arrival.
+        counts: the columns of `core.arrivals.Arrivals` that are named in `_OF_ARRIVALS`, without the nodes.
+        paths: the paths of those that move.
+        losers: the agents that lose conflicts now.
+        actions: name -> its action so far, if it flies or turns. Any: the class is of another module.
+        headings: name -> the heading that it has chosen at this arrival; it turns there unless it is stopped.
+        raised: what the function has raised that was called last; None: nothing.
+    """
+
+    names: Sequence[str]
+    speeds: Sequence[float | None]
+    lives: Sequence[bool]
+    moves: Sequence[bool]
+    now: float
+    has_end: bool
+    decides: bool
+    here: Sequence[int]
+    starts: Sequence[int]
+    progress: Sequence[Progress | None]
+    places: Sequence[tuple[int | EdgePlace, int | EdgePlace]]
+    nodes: Sequence[int]
+    counts: Mapping[str, Sequence[int]]
+    paths: GamePaths
+    losers: Sequence[int]
+    actions: Mapping[str, Any] = {}
+    headings: Mapping[str, Any] = {}
+    raised: BaseException | None = None
+
+    def find_moving(self, slots: Mapping[str, int]) -> list[int]:
+        """Return the slots of the agents that move in this part, given the slots of agents by name."""
+        return sorted(slots[name] for name, moves in zip(self.names, self.moves, strict=True) if moves)
+
+    def count_decisions(self) -> list[int]:
+        """Return how often each agent has decided in this part of the turn."""
+        waits = {i for i in self.here if self.decides or self.now >= 1.0}
+        found = []
+        for i, asked in enumerate(self.counts["asked"]):
+            place = self.progress[i]
+            goes_on = place is not None and place.motion != Motion.STOPPED
+            found.append(asked + 1 - goes_on - (i in waits) if self.moves[i] else 0)
+        return found
 
 
 class ArrivalColumns:
@@ -51,21 +113,31 @@ class ArrivalColumns:
     Attributes:
         now: (games,) the time of the last arrivals.
         comes, late, loses: (games, agents) whether the agent arrives, wants to do deeds, and has lost a conflict.
-        legs, here, counts: see `core.arrivals.Arrivals`.
+        asked, legs, passed, nodes, here, counts: see `core.arrivals.Arrivals`.
+        queue: the agents under way.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         games, agents = shape
         rows = games * agents
         self._columns = np.zeros(6 * rows + games, np.int64)
-        self._queue = arrivals.Queue(agents, games)
+        self.queue = arrivals.Queue(agents, games)
         self.now = np.full(games, np.inf)
         self.comes = np.zeros(shape, np.uint8)
         self.late = np.zeros(shape, np.uint8)
-        self.loses = self._columns[rows : 2 * rows].reshape(shape)
-        self.legs = self._columns[2 * rows : 3 * rows].reshape(shape)
-        self.here = self._columns[5 * rows : 6 * rows].reshape(shape)
+        self.asked, self.loses, self.legs, self.passed, self.nodes, self.here = self._columns[: 6 * rows].reshape(
+            6, *shape
+        )
         self.counts = self._columns[6 * rows :]
+
+    def list_here(self, game: int) -> list[int]:
+        """Return the agents of a game that decide or go on now."""
+        here: list[int] = self.here[game, : self.counts[game]].tolist()
+        return here
+
+    def counts_of(self, game: int, agents: IntArray) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the columns of some agents of a game, in copies by name; see `AgentsUnderWay`."""
+        return {name: getattr(self, name)[game, agents] for name in _OF_ARRIVALS}
 
     def thread(
         self, travelers: by_metres.MetreMovers, *, has_end: bool, chosen: TurnPaths | None = None
@@ -80,7 +152,7 @@ class ArrivalColumns:
         columns: list[Any] = [self.comes, self.late, self._columns]
         views = [one.reshape(-1).data for one in columns]
         now: Any = self.now.data
-        return arrivals.Arrivals(travelers, MOST_ARRIVALS, self._queue, now, *views, has_end=has_end, chosen=chosen)
+        return arrivals.Arrivals(travelers, MOST_ARRIVALS, self.queue, now, *views, has_end=has_end, chosen=chosen)
 
 
 class ArrivingAgents:
@@ -100,6 +172,7 @@ class ArrivingAgents:
         order, roads, has_end: see the arguments.
         here: the slots of the agents that arrive now, in the order of names; at the start, of all agents.
         now: the time of these arrivals, from 0 to 1.
+        starts: the node of each agent when the part of the turn began.
         chosen: receives the paths that agents choose here.
     """
 
@@ -122,6 +195,7 @@ class ArrivingAgents:
         self._under_way = order.block.under_way
         self._rows = order.selection.rows
         self._members = members
+        self._modes = of_modes
         self._moved = set[int]()  # slots
         self._arrivals = ArrivalColumns((1, agents))
         self._events = rules.Events(1)
@@ -157,18 +231,19 @@ class ArrivingAgents:
         columns = self._columns
         roads = self.roads
         block = self.order.block
-        self._starts = self.order.nodes()
+        self.starts = self.order.nodes()
         self._paths = GamePaths(len(self._rows))
         self._movers.take_paths(self._paths.core, has_all=True)
         self._moved.clear()
-        self._places: list[Any] = [*self._starts]
+        self._places: list[Any] = [*self.starts]
+        self._befores = self._places.copy()
         self._let_take_part(self.order.moving.present(self._members))
         for i, row in enumerate(self._rows):
             place = block.on_edge(row)
             if place is not None:
                 self._places[i] = EdgePlace(place.edge)
             if columns["alive"][i]:
-                columns["node"][i] = roads.row(self._starts[i])
+                columns["node"][i] = roads.row(self.starts[i])
                 columns["edge"][i] = -1 if place is None else roads.edge_rows[place.edge]
                 columns["share"][i] = 0.0 if place is None else place.share
                 columns["motion"][i] = 0 if place is None else place.motion
@@ -179,6 +254,68 @@ class ArrivingAgents:
         decides = self._arrivals.comes[0] == arrivals.ASKED
         going = {i for i in self.here if not decides[i]}
         return [i for i in self._members if i not in going]
+
+    def put_back(self, agents: AgentsUnderWay) -> None:
+        """Put agents that were moved through a part of this turn in a batch back to where it began."""
+        for place, i in self._find_moving(agents):
+            self.order.block.write(self._rows[i], {"node": agents.starts[place]})
+            self.order.block.set_progress(self._rows[i], agents.progress[place])
+
+    def _find_moving(self, agents: AgentsUnderWay) -> list[tuple[int, int]]:
+        """Return the places of the agents that move, see `AgentsUnderWay`, and their slots."""
+        index_of = self.order.index_of
+        named = ((place, index_of.get(name)) for place, name in enumerate(agents.names) if agents.moves[place])
+        return [(place, i) for place, i in named if i is not None and self.order.slots[i].travels]
+
+    def take(self, agents: AgentsUnderWay) -> None:
+        """Go on with agents that were moved through a part of this turn in a batch, and put back."""
+        self.begin()
+        self._arrivals.comes.fill(0)  # agents that have come since do not decide
+        here = sorted(self.order.index_of[agents.names[place]] for place in agents.here)
+        self._arrivals.now[0] = agents.now
+        self._arrivals.counts[0] = len(here)
+        self._arrivals.here[0, : len(here)] = here
+        for name, places in zip(agents.names, agents.places, strict=True):
+            i = self.order.index_of[name]
+            self._befores[i], self._places[i] = places
+        for place, i in self._find_moving(agents):
+            self._take_agent(agents, place, i)
+        self._movers.take_paths(self._paths.core, has_all=True)
+        self._read_here()
+        self._under_way.pass_time(self.now)
+
+    def _take_agent(self, agents: AgentsUnderWay, place: int, i: int) -> None:
+        """Go on with the agent of a slot, given its place among the agents of a game that has left its batch."""
+        paths = self._paths
+        others = agents.paths
+        paths.take(i, others.core, place, others.room(place), others.maps[place])
+        paths.renumber(i, self.roads)
+        for name, column in agents.counts.items():
+            getattr(self._arrivals, name)[0, i] = column[place]
+        self._arrivals.nodes[0, i] = self.roads.row(agents.nodes[place]) if agents.counts["asked"][place] else 0
+        before, after = agents.places[place]
+        self._columns["start_places"][i] = self._row_of_place(before)
+        self._columns["end_places"][i] = self._row_of_place(after)
+        node = agents.nodes[place] if agents.counts["asked"][place] else agents.starts[place]
+        if place in agents.here:
+            if agents.counts["asked"][place]:
+                self._moved.add(i)
+                self._under_way.arrive(self._rows[i], node)
+        elif paths.num_legs(i) > 0:
+            self._moved.add(i)
+            ends_on_edge = paths.progress(i) is not None
+            self._under_way.arrive(self._rows[i], paths.end(i) if ends_on_edge else node)
+            if paths.place_at(i, agents.now) is not None:
+                self._under_way.depart(self._rows[i], partial(paths.place_at, i))
+            until = paths.last_time(i)
+            if not ends_on_edge and until > agents.now and (until < 1.0 or self.has_end):
+                self._arrivals.queue.push(0, i, until)
+
+    def _row_of_place(self, place: int | EdgePlace) -> int:
+        """Return the number of a node or an edge, as conflicts compare them."""
+        if isinstance(place, EdgePlace):
+            return len(self.roads.ids) + self.roads.edge_rows[place.edge]
+        return self.roads.row(place)
 
     def _let_take_part(self, members: Sequence[int]) -> None:
         """Let the agents of these slots move that are on the ground."""
@@ -198,7 +335,7 @@ class ArrivingAgents:
     def _read_here(self) -> None:
         """Read the agents that decide or go on now."""
         self.now = self._arrivals.now.item()
-        self.here = self._arrivals.here[0, : self._arrivals.counts.item()].tolist()
+        self.here = self._arrivals.list_here(0)
         self.chosen.drop(self.here)
 
     def arrive(self) -> bool:
@@ -220,6 +357,9 @@ class ArrivingAgents:
         """
         for i in late:
             self._arrivals.late[0, i] = 1
+        for i in self.here:
+            if self.chosen.maps[i] not in (None, self.roads, *self._modes.values()):
+                self.chosen.renumber(i, self.roads)  # it was chosen in a batch
         if self._paths.reserve(max(map(self._paths.num_legs, self.here), default=0) + _MORE_LEGS):
             self._movers.take_paths(self._paths.core, has_all=True)
         self._play(_CHOOSE)
@@ -227,6 +367,7 @@ class ArrivingAgents:
     def places(self) -> tuple[list[Any], list[Any]]:
         """Return the places of all agents, node ids or edges, before and after they have set out."""
         before = self._places
+        self._befores = before
         self._places = before.copy()
         for i in self.here:
             place = self._columns["end_places"][i]
@@ -234,14 +375,18 @@ class ArrivingAgents:
             self._places[i] = self.roads.ids[place] if edge < 0 else EdgePlace(self.roads.edge_ids[edge][2])
         return before, self._places
 
-    def go_on(self, losers: Mapping[int, Any]) -> list[tuple[int, str]]:
-        """Let all agents go on that have decided, but for losers: slot -> the place where it stays.
+    def goal(self, i: int) -> Any:
+        """Return the node or edge on which the agent of a slot is after it has set out."""
+        return self._places[i]
+
+    def go_on(self, losers: Collection[int]) -> list[tuple[int, str]]:
+        """Let all agents go on that have decided, but for those of some slots, which stay where they are.
 
         Return the slots of agents that do not get what they want, and why.
         """
-        for i, place in losers.items():
+        for i in losers:
             self._columns["held"][i] = 1
-            self._places[i] = place
+            self._places[i] = self._befores[i]
         self._play(_GO_ON)
         paths = self._paths
         legs = self._arrivals.legs[0].data
@@ -267,7 +412,7 @@ class ArrivingAgents:
         """Put all agents back to their places at the start of the turn; their moves are applied after the turn."""
         self._under_way.pass_time(0.0)
         for i in self._moved:
-            self._under_way.put_back(self._rows[i], self._starts[i])
+            self._under_way.put_back(self._rows[i], self.starts[i])
 
     def end(self, moves: TurnMoves) -> None:
         """Set the moves of the agents to their paths through the turn."""

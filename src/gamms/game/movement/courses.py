@@ -161,7 +161,8 @@ class Courses:
         self.routes = Routes(by, shape, most, longest)
 
     @cached_property
-    def _ids(self) -> RoadIds:
+    def road_ids(self) -> RoadIds:
+        """The ids of the nodes and edges of these paths."""
         columns = self._by.columns
         ids = columns.node_ids.tolist()
         return RoadIds(columns, ids, self._by.map, None) if self._by.by_metres else NodeIds(ids)
@@ -231,7 +232,7 @@ class Courses:
             have_paths = (agents >= 0) & (goes_far | (trips.edge[rows] >= 0))
         found = GamePaths(len(rows), int(room.max(initial=0)) + _MORE_LEGS)
         for place in np.flatnonzero(have_paths).tolist():
-            found.take(place, trips.core, int(rows[place]), int(room[place]), self._ids)
+            found.take(place, trips.core, int(rows[place]), int(room[place]), self.road_ids)
         return found
 
     def paths(

@@ -202,6 +202,13 @@ class Legality:
             self._of_modes[mode].travel.now = self.travel.now
         return self._of_modes[mode]
 
+    def keep_map(self, *, keeps: bool) -> None:
+        """Decide on the present map until the map is not kept any more, whatever functions change in the graph."""
+        for one in (self, *self._of_modes.values()):
+            if keeps and not one.travel.keeps_map:
+                _ = one.travel.roads
+            one.travel.keeps_map = keeps
+
     def set_time(self, now: float) -> None:
         """Set the time in the turn at which agents of all modes decide, from 0 to 1."""
         for one in (self, *self._of_modes.values()):

@@ -270,6 +270,22 @@ class GamePaths(core.PathsBySlot):
 
     # -- one agent --------------------------------------------------------------------------------------------------
 
+    def renumber(self, i: int, roads: "RoadMap") -> None:
+        """Let an agent have the same path, by ids, on another map with its nodes and edges."""
+        before = self.maps[i]
+        columns = self._columns
+        columns.node[i] = roads.row(before.ids[columns.node[i]])
+        first = i * (self._most + 1)
+        for place in range(first, first + columns.passed[i]):
+            columns.nodes[place] = roads.row(before.ids[columns.nodes[place]])
+        first = i * self._most
+        legs = range(first, first + columns.legs[i])
+        for edges, places in ((columns.edge, [i]), (columns.edges, legs), (columns.backs, legs)):
+            for place in places:
+                if edges[place] >= 0:
+                    edges[place] = roads.edge_rows[before.edge_ids[edges[place]][2]]
+        self.maps[i] = roads
+
     def is_moving(self, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
         if self._is_over_nodes(i):
@@ -299,6 +315,11 @@ class GamePaths(core.PathsBySlot):
     def room(self, i: int) -> int:
         """Return the number of legs of an agent with a path, or of its nodes, if there are more."""
         return int(max(self._columns.legs[i], self._columns.passed[i]))
+
+    def last_time(self, i: int) -> float:
+        """Return when the last leg of an agent ends."""
+        time: float = self._columns.until[i * self._most + self._columns.legs[i] - 1]
+        return time
 
     def end(self, i: int) -> int:
         """Return the id of the node that an agent with a path passes last."""
@@ -701,6 +722,9 @@ class Travel(TravelSearch):
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
         mode: the edge attribute that says which edges the agents may use; None: all.
+
+    Attributes:
+        keeps_map: whether later changes of the graph do not count yet, because agents are on their way in a turn.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, mode: str | None = None) -> None:
@@ -710,15 +734,17 @@ class Travel(TravelSearch):
         self._settings = settings
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
+        self.keeps_map = False
         self._make_room(0)
 
     @property
     def roads(self) -> RoadMap:
-        """The edges of the current revision of the graph."""
+        """The edges of the current revision of the graph, or of an earlier one, see `keeps_map`."""
         graph = self._ctx.graph.graph
         settings = self._settings
         self.at_arrivals = settings.decide == "arrival"
-        key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
+        revision = self._key[0] if self.keeps_map and self._key else graph.revision
+        key = revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
             has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
