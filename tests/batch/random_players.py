@@ -190,6 +190,14 @@ def look(ctx):
     game.emit("seen", agents=seen, moves=moves, deeds=done)
 
 
+def recall(ctx):
+    """Note what agents have sensed when they decided last, and what their sensors have shown."""
+    for agent in ctx.agent.create_iter():
+        state = agent.state
+        shown = {key: str(state[key]) for key in ("turn", "curr_pos", "sensor", "legal") if key in state}
+        ctx.game.emit("recalled", by=agent.name, state=shown, data=[str(one.data) for one in agent.sensors.values()])
+
+
 def push(ctx):
     """Put agents elsewhere, out of the game, or back where they are, by lots."""
     draw = ctx.stream("push", ctx.game.turn)
@@ -327,6 +335,7 @@ CALLED = {
     "look": look,
     "meet": meet,
     "push": push,
+    "recall": recall,
     "recruit": recruit,
     "refuses": refuses,
     "purge": purge,

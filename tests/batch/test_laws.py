@@ -158,7 +158,22 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres",
     drawn = draw(games(how))
     kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(
-        st.sampled_from(["look", "meet", "push", "purge", "toll", "dig", "refuses", "recruit", "alter", "desert"]),
+        st.sampled_from(
+            [
+                "look",
+                "meet",
+                "push",
+                "purge",
+                "toll",
+                "dig",
+                "refuses",
+                "recruit",
+                "alter",
+                "desert",
+                "recall",
+                "recall",
+            ]
+        ),
         st.sampled_from(["before", "deeds", "after"]),
     )
     return replace(

@@ -217,6 +217,57 @@ def test_rules_that_follow_in_the_turn_see_what_agents_have_sensed_before_the_ga
             assert_as_alone(games, alone)
 
 
+def note_seen(state, agent):
+    """Return a state of an agent, and the data of its sensors, as texts."""
+    names = ("turn", "curr_pos", "sensor", "legal", "action", "memory")
+    shown = {name: str(state[name]) for name in names if name in state}
+    return {"state": shown, "data": [str(one.data) for one in agent.sensors.values()]}
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+def test_functions_that_look_back_are_called_once(phase, decide, caplog):
+    def recall(ctx):
+        ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+        for agent in ctx.agent.create_iter():
+            ctx.game.emit("recalled", by=agent.name, **note_seen(agent.state, agent))
+        red = ctx.agent.get_agent("red_0")
+        if ctx.game.turn % 2:
+            red.sensors["near"].sense(red.current_node_id)
+            red.state["read"] = ctx.game.turn
+        elif "read" in red.state:
+            ctx.game.scores["read"] += 1
+
+    def change(ctx):
+        if (ctx.seed, ctx.game.turn) == (1, 4):
+            ctx.game.max_turns = 9
+
+    def come_and_go(ctx):
+        agents = ctx.agent.agents
+        if ctx.game.turn == 2 and "red_3" not in agents:
+            like = agents["red_1"]
+            given = {"speed": like.speed, "sensors": dict(like.sensors)}
+            ctx.agent.create_agent("red_3", start_node_id=0, team="red", strategy=like.strategy, **given)
+        if ctx.game.turn == 3 + ctx.seed:
+            ctx.agent.delete_agent("blue_1")
+
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+    team = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"], "speed": 15.0}
+    how = {"settings": {"speed_unit": "metres", "decide": decide}, "max_turns": 7}
+    with scene([TAG], teams={"red": team, "blue": team}, sensors=near, **how).build(seed=1) as ctx:
+        ctx.agent.get_agent("red_0").strategy = go_by_sight
+        ctx.game.add(recall, phase=phase)
+        ctx.game.add(change)
+        ctx.game.add(come_and_go)
+        with ctx.game.batch(3, most_agents={"red": 4}) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            games.reset([2])
+            games.run()
+            assert [*games.detached] == [1]
+            assert len(caplog.messages) == len({*caplog.messages}) + 1 == 7 * 3 + 1
+            assert_as_alone(games, alone)
+
+
 @pytest.mark.parametrize("phase", ["before", "deeds", "after"])
 def test_functions_read_the_data_of_rules_after_another_game_has_left(phase):
     def rule(ctx):

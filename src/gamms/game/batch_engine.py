@@ -51,6 +51,7 @@ from gamms.game.cursor.called_functions import (
     first_called,
     has_function_of_conflicts,
     is_plain_rule,
+    may_look_back,
 )
 from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
@@ -140,10 +141,8 @@ class GamesOnOneMap:
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
-        for agent in roster.agents if decides_at_arrivals(state.movement) else ():
-            decider = decider_of(agent, settings["plans"])
-            if errs(agent) and decides_in_arrays(decider, settings):  # looks are counted game by game
-                call_each(decider)
+        look_back = may_look_back(game, roster)
+        self._call_arrays_by_game(settings, look_back=look_back)
         rules = called_rules(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
@@ -151,7 +150,7 @@ class GamesOnOneMap:
         self.has_conflicts = has_function_of_conflicts(game, roster)
         self.acts = acts_before_moves(game, roster)
         self._groups = _groups(roster, settings)
-        asked = asked_of(game, roster)
+        asked = asked_of(game, roster, all_first=look_back)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _observing(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
@@ -166,10 +165,10 @@ class GamesOnOneMap:
         state.change_roads = self._pointed.change_roads
         state.facts.update(game.facts)
         self._prepare(rules)
-        self.core = CoreGames(
-            game, state, block, number, is_apart=calls_each or not (state.radio is None and state.flights is None)
-        )
-        self.cursor = self._make_cursor(asked, observing, has_array_functions=has_arrays) if calls_each else None
+        is_apart = calls_each or not (state.radio is None and state.flights is None)
+        self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
+        options = {"has_array_functions": has_arrays, "look_back": look_back}
+        self.cursor = self._make_cursor(asked, observing, **options) if calls_each else None
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
@@ -191,10 +190,18 @@ class GamesOnOneMap:
         self._initial.put_values(state, games)
         self._put_own(games)
 
-    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], *, has_array_functions: bool) -> Cursor:
+    def _call_arrays_by_game(self, settings: Mapping[str, Any], *, look_back: bool) -> None:
+        """Let array strategies be called game by game where states are kept, or looks are counted, in each game."""
+        at_arrivals = decides_at_arrivals(self.state.movement)
+        for agent in self.state.roster.agents:
+            is_by_game = look_back or (at_arrivals and errs(agent))
+            decider = decider_of(agent, settings["plans"])
+            if is_by_game and decides_in_arrays(decider, settings):
+                call_each(decider)
+
+    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], **options: bool) -> Cursor:
         """Return the object that calls plain functions; see `CalledFunctions.of`."""
-        roster = self.state.roster
-        called = CalledFunctions.of(self.game, roster, asked, observing, has_array_functions=has_array_functions)
+        called = CalledFunctions.of(self.game, self.state.roster, asked, observing, **options)
         return Cursor(self.game, self._pointed, self.state, self.core, called)
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:

@@ -88,6 +88,41 @@ class HiddenState:
         return found
 
 
+def find_names(functions: Iterable[Callable[..., object]]) -> Iterator[frozenset[str]]:
+    """Yield the names of globals and attributes, and the texts, in the code of each function that functions can reach.
+
+    The functions of GAMMS, of Python and of installed packages are left out.
+    """
+    reached = dict[int, Any]()
+    for function in functions:
+        _reach(function, reached)
+    for one in reached.values():
+        if isinstance(one, FunctionType):
+            yield _names_in(one.__code__)
+
+
+def _reach(function: Any, reached: dict[int, Any]) -> None:
+    """Add a function of the program, and all that it can reach, by their ids."""
+    is_plain = isinstance(function, FunctionType)
+    if id(function) in reached or (is_plain and not _is_of_program(function)):
+        return
+    reached[id(function)] = function
+    values = [value for _, value in _named_values(function)]
+    for module in [one for one in values if is_plain and isinstance(one, ModuleType)]:
+        values += [vars(module).get(name) for name in _names_in(function.__code__)]
+    for value in values:
+        if callable(value) and not isinstance(value, type):
+            _reach(value, reached)
+
+
+@lru_cache(maxsize=1 << 12)
+def _names_in(code: CodeType) -> frozenset[str]:
+    """Return the names of globals and attributes, and the texts, in a function and its inner functions."""
+    texts = [one for one in code.co_consts if isinstance(one, str)]
+    within = [_names_in(one) for one in code.co_consts if isinstance(one, CodeType)]
+    return frozenset(code.co_names).union(texts, *within)
+
+
 @contextmanager
 def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -> Iterator[None]:
     """Raise an error if functions have changed, within the block, state that they can reach besides their arguments.
@@ -233,8 +268,8 @@ _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
 )
 
 
-def _is_of_program(kind: type) -> bool:
-    """Return whether a class belongs neither to GAMMS, nor to Python, nor to an installed package."""
+def _is_of_program(kind: type | FunctionType) -> bool:
+    """Return whether a class or a function belongs neither to GAMMS, nor to Python, nor to an installed package."""
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
     return _package_of(kind) not in {"gamms", *sys.stdlib_module_names} and not _INSTALLED & {*Path(file).parts}
 

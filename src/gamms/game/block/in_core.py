@@ -797,6 +797,7 @@ class CoreGames:
         is_apart: whether rules run after all games have moved, because functions are called between them.
         decides: whether these games just decide: no rules and no conflicts are made; see `deciders`.
         past_turns: in a single game, the number of turns after which the places of agents are kept; see `past`.
+        asked: the numbers of the agents whose strategies are called, though the core may know them.
 
     Attributes:
         numbers: rule of the core -> the least number of later rules in events.
@@ -825,6 +826,7 @@ class CoreGames:
         is_apart: bool,
         decides: bool = False,
         past_turns: int = 0,
+        asked: Sequence[int] = (),
     ) -> None:
         settings = game.settings()
         self.numbers: dict[str, int] = {}
@@ -840,6 +842,8 @@ class CoreGames:
         self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         forms = [moves.STAY if one is None else one for one in core_forms(game, state.roster)]
+        for agent in asked:
+            forms[agent] = moves.STAY
         self._decides_by = np.array(forms, np.uint8)
         pairs = zip(forms, deciders, strict=True)
         self._steps = [

@@ -4,15 +4,21 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of, sensors_of
 from gamms.game.block.in_core import called_rules, conflicts_in_core, core_forms
 from gamms.game.block.sensing import called_each_turn
 from gamms.game.cursor.own_functions import FunctionPerGame, some_function
+from gamms.game.hidden_state import find_names
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import decides_in_arrays
 from gamms.ir.game_state import KEPT, GameState
 from gamms.text import as_code, shown
+
+_OF_SENSORS = {"get_sensor", "sensors"}
+"""Names by which a function gets sensors."""
 
 
 class StartValues(NamedTuple):
@@ -42,6 +48,7 @@ class CalledFunctions(NamedTuple):
         core_keys: the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays.
         facts_in_core: the key of each fact that the core knows, and the function that returns it for games.
         has_array_functions: whether array functions are called, too.
+        look_back: whether functions read what agents have sensed; see `may_look_back`.
         first: the values with which games begin.
     """
 
@@ -53,6 +60,7 @@ class CalledFunctions(NamedTuple):
     core_keys: frozenset[str]
     facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
     has_array_functions: bool
+    look_back: bool
     first: StartValues
 
     @classmethod
@@ -64,6 +72,7 @@ class CalledFunctions(NamedTuple):
         observing: Sequence[int],
         *,
         has_array_functions: bool,
+        look_back: bool,
     ) -> "CalledFunctions":
         """Return the functions that are called in games like one.
 
@@ -73,6 +82,7 @@ class CalledFunctions(NamedTuple):
             asked: the numbers of agents whose strategies and plans are called.
             observing: the numbers of other agents whose sensors are called in each turn.
             has_array_functions: whether array functions are called, too.
+            look_back: whether functions read what agents have sensed; see `may_look_back`.
         """
         deciders = [decider_of(roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = game.internals.parts.collectors.by_name.values()
@@ -91,6 +101,7 @@ class CalledFunctions(NamedTuple):
             core_keys=frozenset(keys_in_core(game, roster)),
             facts_in_core=[(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None],
             has_array_functions=has_array_functions,
+            look_back=look_back,
             first=StartValues.of(game.internals.state),
         )
 
@@ -134,14 +145,42 @@ def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
                 yield from spec.disclose({}, ())
 
 
-def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
-    """Return the numbers of the agents whose strategies or team plans are called game by game."""
+def may_look_back(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether plain functions name what agents have sensed in turns before: `agent.state` or `sensor.data`.
+
+    The code of functions, and of those that they call, is searched for these names.
+    """
+    plans = game.settings()["plans"]
+    rules = functions_of_rules(game, roster)
+    deciders = [decider_of(agent, plans) for agent in roster.agents]
+    sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+    called = [*rules, *deciders, *(getattr(one, "function", None) for one in sensors)]
+    found = [*(one.fn for one in game.internals.parts.collectors.by_name.values())]
+    for one in called:
+        found += one.of_game if isinstance(one, FunctionPerGame) else [one]
+    return any(map(_looks_back, find_names(filter(callable, found))))
+
+
+def _looks_back(names: frozenset[str]) -> bool:
+    """Return whether a function with these names in its code may read states of agents or data of sensors."""
+    return "state" in names or ("data" in names and not _OF_SENSORS.isdisjoint(names))
+
+
+def asked_of(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[int]:
+    """Return the numbers of the agents whose strategies or team plans are called game by game.
+
+    Args:
+        game: the game at its start.
+        roster: the agents.
+        all_first: whether those of all agents of the start are.
+    """
     are_created = first_called(game, roster) is not None  # by a function
-    return [
+    asked = [
         number
         for number in asked_if_there(game, roster)
         if are_created or not isinstance(roster.agents[number], ComingAgent)
     ]
+    return sorted({*asked, *np.flatnonzero(roster.is_first).tolist()}) if all_first else asked
 
 
 def asked_if_there(game: PlayedGame, roster: AgentTable) -> Iterator[int]:

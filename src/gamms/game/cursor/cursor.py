@@ -15,7 +15,7 @@ from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import GameArrays, GameRow, LeavesSharedContext
 from gamms.game.cursor.called_functions import CalledFunctions
-from gamms.game.cursor.pointed import GamesToShow, PointedContext
+from gamms.game.cursor.pointed import UNKNOWN, GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame, StreamPositions
 from gamms.game.decisions import Decisions
 from gamms.game.messages import MessageTraffic, read_outboxes
@@ -376,7 +376,7 @@ class Cursor:
 
         def ask(shown: ShownGame, some: GamesToShow, which: IntArray) -> int:
             self.asks_anew = here is not None or len(shown.cached.notices) > 0
-            self.takes_all = not shown.cached.sees_world_only or self._chooses_more_than_nodes
+            self.takes_all = self._called.look_back or not shown.cached.sees_world_only or self._chooses_more_than_nodes
             blocked = [are_blocked[i] for i in which.tolist()]
             return shown.ask_agents(some, self, blocked, places[which].tolist())
 
@@ -413,7 +413,12 @@ class Cursor:
     def note_given(self, view: ArrayView) -> None:
         """Record that agents got actions from outside."""
         names = self._state.roster.names
+        if self._called.look_back:
+            self._begin()
         for at, i in np.argwhere(view.mask).tolist():
+            if self._called.look_back:
+                looks = self._shown.looks_of(self._pointed.row_of(view.games[at]))
+                looks |= {key: UNKNOWN for key in looks if key[0] == names[view.agents[i]]}
             row = self._pointed.rows[view.games[at]]
             if row is not None:
                 row.undone.pop(names[view.agents[i]], None)
@@ -429,6 +434,7 @@ class Cursor:
 
     def take_decisions(self, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the decisions of agents of the current game, but for moves to nodes."""
+        self._shown.keep_looks()
         if not self._shown.cached.sees_world_only:
             self._take_what_sensors_change(asked)
         if self._state.flights is not None:

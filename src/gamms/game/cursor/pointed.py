@@ -38,6 +38,11 @@ _OF_ALL = (
     *("__repr__", "__ror__", "clear", "copy", "items", "keys", "popitem", "update", "values"),
 )
 
+Looks = dict[tuple[str, str], Any]
+"""What agents have sensed: (agent, "") -> its last state, and (agent, sensor) -> the last data of the sensor."""
+UNKNOWN = object()
+"""In place of these values of agents that got actions from outside: a batch does not make them."""
+
 
 class GuardedDict(dict[Any, Any]):
     """A dict of a game, some of whose values are not in it until a function reads one of them.
@@ -223,13 +228,14 @@ class RowValues:
         undone: agent -> the reasons other than conflicts why its last action failed.
         collectors: the collectors, with their values; None: nothing was collected.
         rng: `ctx.rng`; None: it was not used.
+        looks: what agents have sensed; None: as at the start. See `ShownGame.keep_looks`.
         population: the agents; None: those of the start.
         moved: a moment, and the agents whose moves functions see then; others were created or deleted since.
     """
 
     __slots__ = (
         *("agent_facts", "attributes", "collectors", "data", "delayed_looks", "departed", "facts"),
-        *("memories", "moved", "population", "rng", "team_facts", "team_memories", "undone"),
+        *("looks", "memories", "moved", "population", "rng", "team_facts", "team_memories", "undone"),
     )
 
     def __init__(self, first: "GameState | RowValues", undone: Mapping[str, str]) -> None:
@@ -245,6 +251,7 @@ class RowValues:
         self.undone = dict(undone)
         self.collectors: Collectors | None = None
         self.rng: Generator | None = None
+        self.looks: Looks | None = None
         self.population: Population | None = None
         self.moved: tuple[tuple[int, int | None, bool], Population] | None = None
 
@@ -261,12 +268,13 @@ class RowValues:
         collected = None if self.collectors is None else self.collectors.snapshot()
         looks = {which: {**of_turns} for which, of_turns in self.delayed_looks.items()}
         rng = None if self.rng is None else deepcopy(self.rng)
-        agents = self.attributes, self.moved, self.population
+        agents = self.attributes, self.looks, self.moved, self.population
         return (*agents, collected, looks, {**self.departed}, rng, {**self.undone})
 
     def take_back(self, values: tuple[Any, ...]) -> None:
         """Set what `turn_values` has returned; what functions have written themselves stays."""
-        attributes, self.moved, population, collected, self.delayed_looks, self.departed, self.rng, self.undone = values
+        attributes, self.looks, self.moved, population, collected, *others = values
+        self.delayed_looks, self.departed, self.rng, self.undone = others
         if population is not self.population:
             self.attributes = attributes
             self.population = population

@@ -1,6 +1,6 @@
 """The game of a batch that a context shows: what functions read is read there, and their changes are taken from it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple, NoReturn
@@ -17,7 +17,16 @@ from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import STOPPED, GameArrays, GameRow, LeavesSharedContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.own_functions import function_of_game
-from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, RowValues, StartOfGame
+from gamms.game.cursor.pointed import (
+    UNKNOWN,
+    GuardedDict,
+    Looks,
+    PointedContext,
+    PointedState,
+    Population,
+    RowValues,
+    StartOfGame,
+)
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.arrivals import AgentsUnderWay
@@ -104,6 +113,7 @@ class _PopulationCaches:
 
     Attributes:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
+        named_lasts: the same by names; see `list_lasts`.
         notices: the detection models of sensors that count their looks, of agents that observe.
         counting: each sensor that counts its looks, and its owner.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
@@ -112,6 +122,7 @@ class _PopulationCaches:
     """
 
     lasts: list[list[Any]]
+    named_lasts: dict[tuple[str, str], list[Any]]
     notices: list[Any]
     counting: list[tuple[Any, str]]
     sees_world_only: bool
@@ -234,6 +245,7 @@ class ShownGame(GamesInContext):
         self.begins_again = False
         self._under_way: AgentsUnderWay | None = None  # of the game that leaves
         pointed.hold()
+        self._first_looks = {key: last[0] for key, last in list_lasts(self._ctx).items()}
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
         self.looks = GuardedDict({}, None, lambda _: self.leave("reads what agents have sensed"))
         self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
@@ -251,7 +263,9 @@ class ShownGame(GamesInContext):
         self._scores_before: dict[Any, Any] = {}
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
-        self._has_own = bool(called.own_functions or state.radio is not None or not self._attributes.are_shared)
+        self._has_own = bool(
+            called.look_back or called.own_functions or state.radio is not None or not self._attributes.are_shared
+        )
         self.has_more = self._has_own
         self._kept_start = values.start
         self._kept_deeds = values.deed_log
@@ -507,6 +521,8 @@ class ShownGame(GamesInContext):
 
     def _forget_other_looks(self, decided: MadeDecisions | None) -> None:
         """Forget what agents have sensed, but for those of the game that leaves while they decide."""
+        if self._called.look_back:
+            return
         have_decided = () if decided is None else decided.ends
         have_looked = () if decided is None else {*decided.ends, *decided.sensed}
         for (name, sensor), last in list_lasts(self._ctx).items():
@@ -588,9 +604,7 @@ class ShownGame(GamesInContext):
 
     def _new_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
         access = self._ctx.agent.storage.turn_access
-        each = [access(one) for one in agents]
-        of_sensors = [last for one in each for _, last, *_ in one.carried]
-        lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
+        named = _name_lasts(agents, access)
         owned = [(sensor, agent.name) for agent in agents for sensor in agent.sensors.values()]
         sensors = [sensor for sensor, _ in owned]
         observing = (agent for agent in agents if agent.name in self._called.observing)
@@ -601,7 +615,9 @@ class ShownGame(GamesInContext):
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
         owned = [pair for pair in owned if id(pair[0]) in counting]
-        return _PopulationCaches(lasts, notices, owned, sees_world_only, are_plain, cache(self._new_order))
+        return _PopulationCaches(
+            [*named.values()], named, notices, owned, sees_world_only, are_plain, cache(self._new_order)
+        )
 
     def begin_counts(self) -> None:
         """Count the looks of sensors in each game from now on: some have looked in the turn, if agents are moving."""
@@ -618,8 +634,41 @@ class ShownGame(GamesInContext):
             has_looked = have_looked[self.number_of[name]]
             sensor.notice.go_to({name: (self._values.turn, 1)} if has_looked else {})
 
+    def has_asked(self) -> bool:
+        """Return whether a function has called sensors."""
+        if not self._called.look_back:
+            return super().has_asked()
+        return any(last[0] is not self._looks_shown[key] for key, last in self.cached.named_lasts.items())
+
+    def keep_looks(self) -> None:
+        """Keep what agents have sensed in the row of the game, if functions may read it."""
+        if self._called.look_back:
+            self.own_row().looks = self._read_looks(self.cached.named_lasts)
+
+    def _read_looks(self, lasts: Mapping[tuple[str, str], list[Any]]) -> Looks:
+        """Return what agents have sensed, from the lists with it."""
+        return {key: UNKNOWN if last[0] is self.looks else last[0] for key, last in lasts.items()}
+
+    def looks_of(self, row: RowValues) -> Looks:
+        """Return what the agents of a game have sensed."""
+        if row.looks is None:
+            row.looks = {key: copied(one) for key, one in self._first_looks.items() if key[1] or not one}
+            for (name, sensor), one in self._first_looks.items():
+                if one and not sensor:  # the state of an agent in a game that has begun
+                    row.looks[name, ""] = {**one, "memory": row.memories[name]}
+        return row.looks
+
+    def _show_looks(self) -> None:
+        """Show what the agents of the game have sensed."""
+        looks = self.looks_of(self.own_row())
+        self._looks_shown = {key: self.looks if one is UNKNOWN else one for key, one in looks.items()}
+        for key, last in self.cached.named_lasts.items():
+            last[0] = self._looks_shown[key]
+
     def forget_looks(self) -> None:
-        """Forget what agents have sensed."""
+        """Forget what agents have sensed, unless functions may read it."""
+        if self._called.look_back:
+            return
         for last in self.cached.lasts:
             last[0] = self.looks
 
@@ -638,6 +687,8 @@ class ShownGame(GamesInContext):
             self.ordered.order.take_lives()
         if self._attributes.shown is not self._attributes.now:
             self._attributes.show(self._agents)
+        if self._called.look_back:
+            self._show_looks()
         if self.part is not None and self.cached.counting:
             self._show_counts()
         if self._phase.epoch != self.epoch:
@@ -970,11 +1021,14 @@ class ShownGame(GamesInContext):
             if self.part is not None:  # it does not make the move of a deleted agent of its name
                 self.cancel(place)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
+        looks = self._read_looks(list_lasts(self._ctx))
         found = self._pointed.take_population(number)
         self._take_shown()
         row.attributes = [attributes[agent.name] for agent in self._agents]
         self._attributes.take_row(row)
         self._fixed = self._what_is_fixed()
+        if self._called.look_back:
+            row.looks = looks
         return found.block
 
     def _take_logs(self, read: dict[str, Any]) -> None:
@@ -1083,6 +1137,7 @@ class ShownGame(GamesInContext):
     def note_looks(self, *, has_drawn: bool) -> None:
         """Let the game go on alone if a function has changed what agents draw or see next in this turn."""
         what = "draws by the streams of agents" if has_drawn else "asks sensors that err, or of classes of their own"
+        self.keep_looks()
         if has_drawn or not self.cached.are_plain:
             at_arrivals = self._parts.settings.decide == "arrival"
             is_arriving = self._core.arrival is not None
@@ -1115,9 +1170,14 @@ class ShownGame(GamesInContext):
 
 def list_lasts(ctx: HostContext) -> dict[tuple[str, str], list[Any]]:
     """Return the lists with the last states of agents, by name and "", and with the last data of their sensors."""
+    return _name_lasts(ctx.agent.storage.made(), ctx.agent.storage.turn_access)
+
+
+def _name_lasts(agents: Iterable[Any], turn_access: Callable[[Any], Any]) -> dict[tuple[str, str], list[Any]]:
+    """Return the same of some agents."""
     found = {}
-    for agent in ctx.agent.storage.made():
-        access = ctx.agent.storage.turn_access(agent)
+    for agent in agents:
+        access = turn_access(agent)
         found[agent.name, ""] = access.last
         found |= {(agent.name, one): last for one, last, *_ in access.carried if type(last) is list}
     return found
