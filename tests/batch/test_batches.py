@@ -155,6 +155,29 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, is_called,
             assert_as_played(games, scenario)
 
 
+def test_rules_draw_from_the_stream_of_the_context_behind_the_code_of_the_scenario(tmp_path, caplog):
+    code = """
+def spots(ctx):
+    return [int(ctx.rng.integers(16)) for _ in range(2)]
+
+def draw(ctx):
+    ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
+    ctx.game.emit("drawn", spots=ctx.game.facts["spots"], number=int(ctx.rng.integers(1000)))
+    if ctx.game.turn == 3 and ctx.seed == 2:
+        ctx.game.max_turns = 6
+"""
+    (tmp_path / "drawing.py").write_text(code)
+    given = scene([{"rule": "drawing:draw"}], max_turns=5).to_dict()
+    scenario = Scenario(**given, facts={"spots": {"function": "drawing:spots"}}, folder=tmp_path)
+    with scenario.batch(3, seed=1) as games:
+        games.step()
+        games.reset([1])
+        games.run()
+        assert games.detached == {1: "a plain function changes settings, rules or collectors"}
+        assert sorted({*caplog.messages}) == sorted([*caplog.messages[3:], *caplog.messages[:1], caplog.messages[2]])
+        assert_as_played(games, scenario)
+
+
 @pytest.mark.parametrize(
     "strategy",
     [

@@ -160,7 +160,7 @@ class GamesOnOneMap:
         self._begin_all(starts, games)
         carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         note_sensors(state, with_nodes=any(map(turns_with_agent, carried)))
-        self._pointed = PointedContext(game, state, own.first)
+        self._pointed = PointedContext(game, state, own)
         state.look = partial(look, game, state, self._pointed)
         state.change_roads = self._pointed.change_roads
         state.facts.update(game.facts)

@@ -142,6 +142,7 @@ class FunctionsPerGame:
 
     Attributes:
         first: the start values of each game; empty: all games begin with the same.
+        rngs: the state of `ctx.rng` with which each game begins; None: it is created on first use.
         maps: the map that each game begins with; None: that of the first seed.
         more_edges: edges that are not on the map of the first seed, but may be on those of other seeds.
     """
@@ -161,6 +162,7 @@ class FunctionsPerGame:
         self._own: dict[Owner, FunctionPerGame] = {}
         self._rules: dict[str, FunctionPerGame] = {}
         self._values: list[FirstValues | None] = [None] * len(seeds)
+        self.rngs: list[Any] = [None] * len(seeds)
         self.maps: list[FirstMap | None] = [None] * len(seeds)
         self.more_edges = dict(more_edges)
         agents = game.ctx.agent.agents.values()
@@ -193,6 +195,7 @@ class FunctionsPerGame:
             for rule in self._game.rules if self._differs else ():
                 self._of(self._rules, rule.name).of_game[number] = rule.rule
             self._values[number] = FirstValues.of(self._game) if self._differs else None
+            self.rngs[number] = self._game.ctx.rng_state()
             self.maps[number] = self._map_beside(map, seed)
         self._first = self._begin(self._seed)
         self._first_rules = self._game.rules

@@ -17,7 +17,7 @@ from gamms.core.copies import copied, copied_filled, copied_values
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.state import GameArrays, Heading
-from gamms.game.cursor.own_functions import FirstValues
+from gamms.game.cursor.own_functions import FirstValues, FunctionsPerGame
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Collectors
 from gamms.game.snapshots import Snapshot
@@ -418,7 +418,7 @@ class PointedContext:
     Args:
         game: the game at its start, in a context in which nothing else is played.
         state: the state of all games.
-        first_values: the start values of each game; empty: all games begin with the same.
+        own: the differences between the games from their start.
 
     Attributes:
         rows: what only Python holds of each game; None: as at the start.
@@ -441,11 +441,11 @@ class PointedContext:
     headings: Mapping[int, Heading] | None
     map_changes: tuple[int, int, int, bool]
 
-    def __init__(self, game: PlayedGame, state: GameArrays, first_values: Sequence[FirstValues | None]) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, own: FunctionsPerGame) -> None:
         self._game = game
         self._state = state
         self._before: Snapshot | None = None
-        self._first_values = first_values
+        self._own = own
         values = game.internals.state
         self.at_start = RowValues(values, {})
         self._start = values.start
@@ -473,18 +473,20 @@ class PointedContext:
         """Reset some games to their start."""
         for number in games.tolist():
             self.rows[number] = None
-        for number in games.tolist() if self._start is not None else ():
+        for number in games.tolist():
             rng = self._first_rng(number)
             if rng is not None:
                 self.row_of(number).rng = rng
-        for number in games.tolist() if self._first_values else ():
-            first = self._first_values[number]
+        for number in games.tolist() if self._own.first else ():
+            first = self._own.first[number]
             if first is not None:
                 self.row_of(number).begin(first)
 
     def _first_rng(self, number: int) -> Generator | None:
         """Return `ctx.rng` of a new game; None: it is created on first use."""
-        state = self._start.rng_of(self._state.seeds[number])
+        state = self._own.rngs[number]
+        if state is None and self._start is not None:
+            state = self._start.rng_of(self._state.seeds[number])
         if state is None:
             return None
         rng: Generator = self._game.ctx.stream("context")

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.random import Generator
 
 from gamms.core.ask import GamesInContext
 from gamms.core.copies import copied, copied_values
@@ -255,7 +254,6 @@ class ShownGame(GamesInContext):
         self._first_data = {key: one for key, one in values.data.items() if key not in called.core_keys}
         self._first_core_data = {key: one for key, one in values.data.items() if key in called.core_keys}
         self._first_facts = dict(self._facts)
-        self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self.facts_shown = self._first_facts
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
@@ -968,7 +966,7 @@ class ShownGame(GamesInContext):
         phase = self._phase
         rng = self._own_of_ctx["_rng"]
         if rng is not None:
-            self._take_rng(rng)
+            self.own_row().rng = rng
         is_other = phase.epoch != self.epoch
         are_changed = is_other and (phase.strategy_changes, phase.sensor_changes) != self._changes
         have_changed = bool(journal.log or journal.progressed or are_changed)
@@ -987,12 +985,6 @@ class ShownGame(GamesInContext):
             self.go_alone("changes settings, rules or collectors")
         if self.read_of_core:
             self.go_alone(self.read_of_core)
-
-    def _take_rng(self, rng: Generator) -> None:
-        """Store the random stream of a game."""
-        self.own_row().rng = rng
-        if self._has_drawn:
-            self.leave("draws from ctx.rng, as the code of the scenario does")
 
     def _take_population(self) -> AgentBlock:
         """Store the agents that a function has created or deleted for its game; return their new block."""
