@@ -473,7 +473,7 @@ class PointedContext:
         """Reset some games to their start."""
         for number in games.tolist():
             self.rows[number] = None
-        for number in games.tolist():
+        for number in games.tolist() if self._start is not None or self._own.is_needed else ():
             rng = self._first_rng(number)
             if rng is not None:
                 self.row_of(number).rng = rng
