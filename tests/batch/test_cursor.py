@@ -208,17 +208,38 @@ def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
         check(ctx, stays=False)
 
 
-def test_games_whose_functions_draw_globally_begin_again_after_the_first_of_these_turns(caplog):
-    def roll(ctx):
+def roll(ctx):
+    """Draw from the global generators by their names."""
+    ctx.game.scores["rolled"] += random.randrange(9) + [np.random.randint(9) for _ in range(2)][0]  # noqa: NPY002, RUF015
+
+
+def roll_shuffled(ctx):
+    """Draw by another function of Python's module, in a function of this one."""
+    ctx.game.scores["rolled"] += [pick(range(9)), 1][0]
+
+
+def roll_unnoticed(ctx):
+    """Draw by a module that is imported where it is needed."""
+    import random as lots
+
+    ctx.game.scores["rolled"] += lots.randrange(9)
+
+
+pick = random.choice
+
+
+@pytest.mark.parametrize(("draw", "again"), [(roll, 0), (roll_shuffled, 0), (roll_unnoticed, 3)])
+def test_games_whose_functions_draw_globally_are_played_alone_from_the_start_if_the_code_says_so(draw, again, caplog):
+    def rule(ctx):
         ctx.logger.warning(f"seed {ctx.seed}, turn {ctx.game.turn}")
-        ctx.game.scores["rolled"] += random.randrange(9)
+        draw(ctx)
 
     with build([TAG]) as ctx:
-        ctx.game.add(roll)
+        ctx.game.add(rule)
         with ctx.game.batch(3) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             calls = [said for said in caplog.messages if said.startswith("seed")]
-            assert len(calls) == games.turn.sum() + 3
+            assert len(calls) == games.turn.sum() + again
             assert_as_alone(games, alone)
 
 

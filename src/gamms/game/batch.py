@@ -44,7 +44,7 @@ from gamms.game.block.state import Columns, GameArrays, LeavingGame
 from gamms.game.cursor.called_functions import first_called
 from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.cursor.separate_games import SeparateGames
-from gamms.game.hidden_state import refusing_changes
+from gamms.game.hidden_state import name_global_draws, refusing_changes
 from gamms.game.random_streams import global_state, seeded_for_run
 from gamms.game.result import MANY_TURNS, Result, warn_of_no_end
 from gamms.game.strategy_specs import PoolSpec, name_strategy, pools_of
@@ -514,8 +514,9 @@ class Batch(Surface, Immutable, NotPickled):
         """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
         plays_by_phases = self._engine.plays_by_phases
         before = global_state() if self._engine.calls_each else None
+        draw_globally = before is not None and name_global_draws(self._engine.functions)
         steps = 0
-        while (left := self._engine.turns_left()) > 0:
+        while not draw_globally and (left := self._engine.turns_left()) > 0:
             if plays_by_phases:
                 self.step()
                 steps += 1
@@ -529,7 +530,7 @@ class Batch(Surface, Immutable, NotPickled):
                 warn_of_no_end(self.game.ctx.logger)
             if show is not None:
                 self._show_progress(show)
-        if before is not None and global_state() != before:
+        if draw_globally or (before is not None and global_state() != before):
             self._separate.begin_again()
             others = [number for number in range(len(self)) if number not in self._separate]
             why = "a plain function draws from the global generators of random numbers"

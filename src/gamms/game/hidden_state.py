@@ -93,12 +93,45 @@ def find_names(functions: Iterable[Callable[..., object]]) -> Iterator[frozenset
 
     The functions of GAMMS, of Python and of installed packages are left out.
     """
+    for one in _find_all(functions):
+        yield _names_in(one.__code__)
+
+
+def name_global_draws(functions: Iterable[Callable[..., object]]) -> bool:
+    """Return whether the code of functions, or of those that they call, draws by `random` or `numpy.random` themselves.
+
+    These are the global generators, which all games share.
+    """
+    generators = [random.random.__self__, np.random.rand.__self__]  # type: ignore[attr-defined]
+    loaded = chain.from_iterable(_load_values(one, one.__code__) for one in _find_all(functions))
+    return any(getattr(value, "__self__", None) is one for value in loaded for one in generators)
+
+
+def _load_values(function: FunctionType, code: CodeType) -> Iterator[object]:
+    """Yield the values of the globals and closure variables that a function loads, and of attributes of modules."""
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    value: object = None
+    for one in get_instructions(code):
+        if one.opname == "LOAD_GLOBAL":
+            value = function.__globals__.get(one.argval)
+        elif one.opname == "LOAD_DEREF" and one.argval in cells:
+            value = next(iter(get_referents(cells[one.argval])), None)  # an empty cell has none
+        elif one.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(value, ModuleType):
+            value = vars(value).get(one.argval)
+        else:
+            value = None
+        yield value
+    for within in code.co_consts:
+        if isinstance(within, CodeType):
+            yield from _load_values(function, within)
+
+
+def _find_all(functions: Iterable[Callable[..., object]]) -> list[FunctionType]:
+    """Return the functions of the program that functions can reach, and themselves."""
     reached = dict[int, Any]()
     for function in functions:
         _reach(function, reached)
-    for one in reached.values():
-        if isinstance(one, FunctionType):
-            yield _names_in(one.__code__)
+    return [one for one in reached.values() if isinstance(one, FunctionType)]
 
 
 def _reach(function: Any, reached: dict[int, Any]) -> None:
