@@ -174,7 +174,7 @@ def test_a_page_of_a_map_holds_nothing_as_markup_and_reaches_nothing(folder):
     game = scenario.load(folder / "hunt.yaml").replace(name=HOSTILE + "{data}")
     text = web.map_page(game).decode()
     assert "<img" not in text
-    assert text.count("</script>") == 4
+    assert text.count("</script>") == 5
     assert "connect-src 'none'" in text
     [options] = re.findall(r'id="options">([^<]*)<', text)
     assert json.loads(options)["title"] == HOSTILE + "{data}"

@@ -509,14 +509,16 @@ def walled(tmp_path_factory):
         ctx.game.add(gamms.rules.discover([33, 80]))
         ctx.game.add(gamms.rules.resource("fuel", 10, per_edge=4))
         ctx.record.start(path, sensed=True)
-        ctx.game.run(max_turns=2)
-        ctx.record.stop()
+        ctx.game.run(2)
         for name, (_, of_nodes, keywords) in fields.items():
             agent = ctx.agent.get_agent(name)
             sensor = ctx.sensor.create_sensor(f"map of {name}", kinds[of_nodes], **keywords)
             agent.register_sensor("map", sensor)
             sensor.sense(agent.current_node_id)
             covered[name] = sorted(sensor.data["nodes"])
+            agent.deregister_sensor("map")
+        ctx.game.step()  # in which the eyes look
+        ctx.record.stop()
     return path, covered
 
 
@@ -569,11 +571,12 @@ def flown(tmp_path_factory):
             given = {"type": "AERIAL", "position": place, "speed": 3.0, "quat": (0.9, 0.0, 0.1, 0.3)}
             ctx.agent.create_agent(name, start_node_id=0, team=name, sensors={"eye": eye}, strategy=rise, **given)
         ctx.record.start(path, sensed=True)
-        ctx.game.run(max_turns=1)
-        ctx.record.stop()
+        ctx.game.run(1)
         for name in DRONES:
             agent = ctx.agent.get_agent(name)
             covered[name] = {*agent.sensors["eye"].coverage(None).node_ids.tolist(), agent.current_node_id}
+        ctx.game.step()  # in which the eyes look
+        ctx.record.stop()
     return path, covered
 
 
@@ -645,11 +648,12 @@ def hilly(tmp_path_factory):
             travels = {"speed": 4.0, "strategy": along} if number > 13 else {}  # they are on edges then
             ctx.agent.create_agent(name, start_node_id=node, team=name, sensors={"eye": eye}, **flies, **travels)
         ctx.record.start(path, sensed=True)
-        ctx.game.run(max_turns=1)
-        ctx.record.stop()
+        ctx.game.run(1)
         for name, agent in ctx.agent.agents.items():
             node, place = agent.current_node_id, ctx.game.observation(name).get("xy")
             covered[name] = sorted({*agent.sensors["eye"].coverage(place or node).node_ids.tolist(), node})
+        ctx.game.step()  # in which the eyes look
+        ctx.record.stop()
     return path, covered
 
 

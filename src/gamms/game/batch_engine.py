@@ -396,18 +396,27 @@ class GamesOnOneMap:
                 rows = np.ix_(some, agents)
                 if here is not None:
                     view.draw = view.draw.after(self.core.drawn[rows]).only(view.mask)
-                try:
-                    actions[rows] = self._actions(view, group)
-                    self._take_acts(view)
-                except NeedsEachGame as error:
-                    for number in group.agents.tolist():
-                        call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
-                    raise BeginsAgain(f"{error} is asked game by game.") from None
-                except Exception as error:
-                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
-                    raise
+                actions[rows] = self._ask_group(view, group)
                 if here is not None:
                     self.core.drawn[rows] = view.draw.count
+
+    def _ask_group(self, view: ArrayView, group: StrategyGroup) -> IntArray:
+        """Return the actions of an array function, and take its deeds and messages.
+
+        Raises:
+            BeginsAgain: the function asks agents game by game.
+        """
+        try:
+            actions = self._actions(view, group)
+            self._take_acts(view)
+        except NeedsEachGame as error:
+            for number in group.agents.tolist():
+                call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
+            raise BeginsAgain(f"{error} is asked game by game.") from None
+        except Exception as error:
+            error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
+            raise
+        return actions
 
     def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
         """Return the actions of an array function; flying agents stay on the node below them."""

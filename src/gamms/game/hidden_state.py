@@ -134,15 +134,15 @@ def _find_all(functions: Iterable[Callable[..., object]]) -> list[FunctionType]:
     return [one for one in reached.values() if isinstance(one, FunctionType)]
 
 
-def _reach(function: Any, reached: dict[int, Any]) -> None:
+def _reach(function: object, reached: dict[int, Any]) -> None:
     """Add a function of the program, and all that it can reach, by their ids."""
-    is_plain = isinstance(function, FunctionType)
-    if id(function) in reached or (is_plain and not _is_of_program(function)):
+    if id(function) in reached or (isinstance(function, FunctionType) and not _is_of_program(function)):
         return
     reached[id(function)] = function
     values = [value for _, value in _named_values(function)]
-    for module in [one for one in values if is_plain and isinstance(one, ModuleType)]:
-        values += [vars(module).get(name) for name in _names_in(function.__code__)]
+    if isinstance(function, FunctionType):
+        for module in [one for one in values if isinstance(one, ModuleType)]:
+            values += [vars(module).get(name) for name in _names_in(function.__code__)]
     for value in values:
         if callable(value) and not isinstance(value, type):
             _reach(value, reached)

@@ -25,7 +25,6 @@ from gamms.kernels.csr import (
     rows_of,
     ways_to,
 )
-from gamms.kernels.detours import simple_paths
 from gamms.kernels.draws import (
     below_many,
     below_of_words,
@@ -73,5 +72,6 @@ from gamms.kernels.paths import (
     least_matching,
     make_arcs,
     route_tables,
+    simple_paths,
     turn_states,
 )
