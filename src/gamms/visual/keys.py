@@ -62,7 +62,7 @@ KEYS = (
 )
 """All keys. Keys with digits and Enter that answer a question are not in it: the question says them."""
 
-_POINTER = {  # what they do -> what is done with mouse or fingers
+_POINTER = {  # words of a key -> the gesture of mouse or fingers that does the same
     _MOVE: "drag",
     _ZOOM: "wheel",
     "select an agent": "click",
