@@ -52,6 +52,7 @@ check: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python scripts/check_api.py
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py
