@@ -1,10 +1,18 @@
-"""Check that games with a rule or a strategy are reproducible, by playing them again and comparing."""
+"""Check rules and strategies by playing games again and comparing.
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+Games have to be reproducible, and a strategy may decide only by what its agent knows.
+"""
+
+import random
+import sys
+from collections.abc import Awaitable, Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
+from functools import partial
 from inspect import isawaitable
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
+
+import numpy as np
 
 from gamms.arguments import as_function_of, names_keywords, signature_of
 from gamms.context import Context
@@ -20,6 +28,7 @@ _OWN = (
     "action",
     "memory",
     "team_memory",
+    "outbox",
     "draw",
     "rng",
     "fork",
@@ -28,9 +37,14 @@ _OWN = (
 _RULES_REMEMBER = "Keep it in ctx.game.data."
 _STRATEGIES_REMEMBER = "Keep it in state['memory']."
 
+_TWIN_TURNS = 2  # a leak by way of another agent's strategy may take a turn
+_MOST_TWINS = 4  # with one kind of change, in each turn
+_UNCOMPARED = frozenset({"action", "rng", "draw", "fork"})  # what these are going to give is not shown by their text
+
 _AnyStrategy = Strategy | AerialStrategy | AsyncStrategy
 _Game = dict[str, Any]  # a result as plain values
 _Actions = list[tuple[int, object]]  # turn and action
+_Change = Callable[[dict[str, Any]], None]  # of the state of an agent
 
 
 @names_keywords
@@ -65,19 +79,29 @@ def check_rule(rule: Rule, make_ctx: Callable[..., Context], *, turns: int = 30)
 
 @names_keywords
 def check_strategy(
-    strategy: _AnyStrategy | None, make_ctx: Callable[[], Context], agent: str, *, turns: int = 30
+    strategy: _AnyStrategy | None,
+    make_ctx: Callable[[], Context],
+    agent: str,
+    *,
+    turns: int = 30,
+    knowledge: bool = True,
 ) -> None:
     """Play games with a strategy for an agent repeatedly, and compare its actions.
 
     The check detects memory of the strategy outside of `state["memory"]` and `state["team_memory"]`, such as in a
     closure; draws other than from `state["rng"]` or the global generators that a game seeds; writes to its state other
-    than `state["action"]` and the two memories; and illegal actions.
+    than `state["action"]` and the two memories; illegal actions; and decisions by what the agent cannot know.
+
+    For the last, each turn is also played in twin games. They differ from the game only in the places of agents of
+    other teams, their draws, the messages that they send and receive, or the facts that were published to them. Where
+    the state of the agent, the scores and the public facts are the same, its decision has to be the same.
 
     Args:
         strategy: a function of the state, which may be asynchronous; None: the agent's own strategy.
         make_ctx: makes an identical context in each call, with a seed, a map, and agents with their strategies.
         agent: the name of the agent that plays with the strategy.
         turns: the number of turns of each game.
+        knowledge: whether to play twin games; False for a strategy that is meant to know more than its agent.
 
     Raises:
         AssertionError: the strategy breaks one of these rules; the message tells which, and how to fix it.
@@ -101,6 +125,9 @@ def check_strategy(
             with play.opened() as new:
                 again = _WatchedStrategy(new, agent, strategy).actions(turns)
                 _same_actions("in a new game of the same seed", first, again)
+    if knowledge:
+        with play.opened() as ctx:
+            _KnowledgeAudit(ctx, agent, strategy).check(turns)
 
 
 @contextmanager
@@ -277,8 +304,24 @@ def _same_game(what: str, seen: _Game, promised: _Game, advice: str) -> None:
 # -- strategies -------------------------------------------------------------------------------------------------
 
 
+class _Decision(NamedTuple):
+    """A decision of a strategy under test.
+
+    Attributes:
+        turn: the number of turns played before it.
+        action: the action.
+        known: the state before the decision, the scores and the public facts, as text.
+        written: key of the state -> its value after the decision, as text.
+    """
+
+    turn: int
+    action: object
+    known: str
+    written: dict[str, str]
+
+
 class _WatchedStrategy:
-    """A strategy under test, wrapped to record its actions.
+    """A strategy under test, wrapped to record its decisions.
 
     Attributes:
         strategy: the strategy.
@@ -290,13 +333,17 @@ class _WatchedStrategy:
         self.strategy = cast("Strategy", self._agent.strategy if strategy is None else strategy)
         if self.strategy is None:
             raise AssertionError(f"Agent {agent!r} has no strategy to check: make_ctx must give it one.")
-        self._actions: _Actions = []
+        self._decisions: list[_Decision] = []
         self._agent.register_strategy(cast("Strategy", self._play))
         ctx.game.on_error = "raise"
 
     def actions(self, turns: int) -> _Actions:
         """Play on, and return (turn, action) of each decision."""
-        self._actions = []
+        return [(one.turn, one.action) for one in self.decide(turns)]
+
+    def decide(self, turns: int) -> list[_Decision]:
+        """Play on, and return the decisions."""
+        self._decisions = []
         try:
             result = self._ctx.game.run(turns)
         except IllegalMutation as error:
@@ -308,20 +355,22 @@ class _WatchedStrategy:
                     f"in turn {wrong['turn']} the strategy of agent {name!r} did what is not legal: {wrong['message']} "
                     "Choose from state['legal']."
                 )
-        return self._actions
+        return self._decisions
 
     def _play(self, given: State) -> Awaitable[None] | None:
         state = cast("dict[str, Any]", given)
         before = dict(state)
         copies = {key: deepcopy(value) for key, value in state.items() if key not in (*_OWN, "facts")}
         turn = f"in turn {state['turn']} the strategy of agent {self._agent.name!r}"
+        known = repr((_describe(state), dict(self._ctx.game.scores), dict(self._ctx.game.facts)))
         with _raising(turn):
             answer: object = self.strategy(given)
 
         def note() -> None:
             for key in dict.fromkeys([*before, *state]):
                 _refuse_writing(turn, key, before, state, copies)
-            self._actions.append((state.get("turn", -1), _copied(state.get("action"))))
+            action = _copied(state.get("action"))
+            self._decisions.append(_Decision(state.get("turn", -1), action, known, _describe(state)))
 
         async def note_later(answer: Awaitable[None]) -> None:
             with _raising(turn):
@@ -376,3 +425,159 @@ def _same_actions(when: str, first: _Actions, again: _Actions) -> None:
         raise AssertionError(
             f"{when}, it was asked {len(again)} times, not {len(first)}: another strategy plays differently."
         )
+
+
+def _describe(state: Mapping[str, Any]) -> dict[str, str]:
+    """Return the values of a state without its action and its streams, as text."""
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        return {key: repr(value) for key, value in state.items() if key not in _UNCOMPARED}
+
+
+# -- knowledge --------------------------------------------------------------------------------------------------
+
+
+class _KnowledgeAudit:
+    """Plays twin games, which differ from a game only in what an agent cannot know.
+
+    Args:
+        ctx: the context of the game.
+        agent: the name of the agent.
+        strategy: its strategy; None: the one that it has.
+    """
+
+    def __init__(self, ctx: Context, agent: str, strategy: _AnyStrategy | None) -> None:
+        self._ctx = ctx
+        self._watched = _WatchedStrategy(ctx, agent, strategy)
+        self._team = ctx.agent.get_agent(agent).team
+        self._others = [one for one in ctx.agent.create_iter() if one.name != agent and not self._is_mate(one)]
+        self._changes: dict[str, Callable[[random.Random], None]] = {
+            "the places of other agents": self._move_others,
+            "the draws of other agents": lambda _: self._change_others(_draw_ahead, _keep),
+            "the messages to other agents": lambda _: self._change_others(partial(_alter_bodies, "inbox"), _keep),
+            "the messages of other agents": lambda _: self._change_others(_keep, partial(_alter_bodies, "outbox")),
+            "the facts of other agents": self._change_facts,
+        }
+        self._change: tuple[_Change, _Change] = (_keep, _keep)  # of states of others, before and after they decide
+        for one in self._others:
+            if one.strategy is not None:
+                one.register_strategy(cast("Strategy", self._wrap(one.strategy)))
+
+    def _is_mate(self, other: IAgent) -> bool:
+        return self._team is not None and other.team == self._team
+
+    def check(self, turns: int) -> None:
+        """Play a game, and twins from each of its turns.
+
+        Raises:
+            AssertionError: a decision differs from that in a twin, though the agent knew the same.
+        """
+        game = self._ctx.game
+        for turn in range(turns):
+            if game.is_over:
+                return
+            before = game.snapshot()
+            decisions = self._watched.decide(_TWIN_TURNS)
+            for kind, change in self._changes.items():
+                for attempt in range(_MOST_TWINS):
+                    game.restore(before)
+                    change(random.Random(f"{turn} {kind} {attempt}"))  # noqa: S311 - for tests
+                    if self._compare(kind, decisions):
+                        break
+            game.restore(before)
+            self._watched.decide(1)
+
+    def _compare(self, kind: str, decisions: Sequence[_Decision]) -> bool:
+        """Play a twin as long as the agent knows the same; return whether it has decided at all."""
+        try:
+            twins = self._watched.decide(_TWIN_TURNS)
+        except Exception:  # noqa: BLE001 - other strategies and rules, of users, may not be able to go on
+            return False
+        finally:
+            self._change = (_keep, _keep)
+        is_compared = False
+        for one, twin in zip(decisions, twins, strict=False):
+            if one.known != twin.known:
+                break
+            is_compared = True
+            if (one.action, one.written) != (twin.action, twin.written):
+                raise AssertionError(_tell_leak(kind, one, twin))
+        return is_compared
+
+    def _move_others(self, rng: random.Random) -> None:
+        """Place other agents on the ground at random nodes; later attempts place fewer of them."""
+        nodes = sorted(self._ctx.graph.graph.get_nodes())
+        for one in self._others:
+            if not hasattr(one, "position") and rng.random() < rng.choice((1.0, 0.5)):
+                one.current_node_id = one.prev_node_id = rng.choice(nodes)
+
+    def _change_others(self, before: _Change, after: _Change) -> None:
+        """Change the states of other agents before and after they decide."""
+        self._change = (before, after)
+
+    def _change_facts(self, _: random.Random) -> None:
+        """Change the facts that were published to other agents and teams."""
+        game = self._ctx.game
+        teams: list[Hashable] = [*dict.fromkeys(one.team for one in self._others if one.team is not None)]
+        for to in [*self._others, *teams]:
+            facts = game.facts_of(to)
+            if facts:
+                game.publish(to=to, **{name: _alter(value) for name, value in facts.items()})
+
+    def _wrap(self, strategy: object) -> Callable[[_Game], object]:
+        """Return a strategy of another agent that decides in twin games by a changed state."""
+
+        def decide(state: _Game) -> object:
+            before, after = self._change
+            before(state)
+            answer = cast("Callable[[_Game], object]", strategy)(state)
+            after(state)
+            return answer
+
+        return decide
+
+
+def _tell_leak(kind: str, one: _Decision, twin: _Decision) -> str:
+    """Return the message about a decision by what the agent cannot know."""
+    did = f"chose {twin.action!r}, where it had chosen {one.action!r}"
+    changed = [key for key, value in twin.written.items() if value != one.written.get(key)]
+    if changed:
+        key = changed[0]
+        had = _short(one.written.get(key))
+        did = f"wrote {_short(twin.written[key])} into state[{key!r}], where it had written {had}"
+    return (
+        f"in turn {one.turn}, the strategy {did}, when only {kind} were changed and its state was the same. It "
+        "knows more than its agent: decide by the state alone, and share by state['team_memory'] or messages. If it is "
+        "meant to know more, check it with knowledge=False."
+    )
+
+
+def _keep(_: _Game) -> None:
+    """Change nothing in a state."""
+
+
+def _draw_ahead(state: _Game) -> None:
+    """Draw once from the streams of a state."""
+    for key in ("rng", "draw"):
+        if key in state:
+            state[key].random()
+
+
+def _alter_bodies(box: str, state: _Game) -> None:
+    """Change the bodies of the messages in a box of a state."""
+    if box in state:
+        state[box][:] = [{**one, "body": _alter(one["body"])} for one in state[box]]
+
+
+def _alter(value: object) -> Any:
+    """Return another value of the same kind."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        return value + 1
+    if isinstance(value, str):
+        return f"{value}'"
+    if isinstance(value, Mapping):
+        return {key: _alter(one) for key, one in value.items()}
+    if isinstance(value, Sequence):
+        return [_alter(one) for one in value] or [0]
+    return 0 if value is None else value
