@@ -12,7 +12,8 @@ from gamms.errors import BadType, UnknownName
 from gamms.visual.appearance import AgentData
 from gamms.visual.camera import Camera
 from gamms.visual.drawers import render_agent
-from gamms.visual.labels import Labels, dots_of
+from gamms.visual.labels import Labels, dots_of, sign_boxes
+from gamms.visual.layout import Layout
 
 PAGE = (0.0, 0.0, 400.0, 300.0)
 places = st.lists(st.tuples(st.floats(0, 400), st.floats(0, 300), st.floats(2, 15)), min_size=1, max_size=40)
@@ -43,7 +44,7 @@ def put(square, found, taken=(), labels=None):
     artists = {f"a{number}": Drawn(f"a{number}", *one) for number, one in enumerate(found)}
     camera = Camera(400, 300, 0.0, 0.0, 1.0)
     square.visual.drawing.has_stacks = False
-    return (labels or Labels()).placed(camera, 1.0, square, artists, True, PAGE, list(taken))
+    return (labels or Labels()).place(camera, 1.0, square, artists, True, Layout(PAGE, list(taken)))
 
 
 @given(places, st.lists(st.tuples(*[st.floats(0, 300)] * 2, *[st.floats(1, 80)] * 2), max_size=2))
@@ -213,7 +214,8 @@ def test_names_cover_no_flag_and_no_goal(square):
     square.game.step()
     artists, view = square.visual.artists.shown(), Camera(400, 400, -5.0, 35.0, 10.0)
     square.visual.draw_commands()
-    found = Labels().placed(view, 1.0, square, artists, True, PAGE, [])
+    layout = Layout(PAGE, sign_boxes(square, artists, view))
+    found = Labels().place(view, 1.0, square, artists, True, layout)
     assert {label.lines[0].words for label in found} >= {"agent_0", "agent_1", "agent_3"}
     for label in found:
         flags = [(x, y - 0.04 * 300.0, x + 8.0, y) for x, y in ((150.0, 250.0), (250.0, 150.0))]

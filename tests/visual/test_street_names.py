@@ -13,7 +13,8 @@ import gamms
 from gamms.errors import BadType
 from gamms.visual.camera import Camera
 from gamms.visual.font import words_width
-from gamms.visual.street_names import STREET_PX, street_names
+from gamms.visual.labels import STREET_PX, place_street_names
+from gamms.visual.layout import Layout
 
 X, Y = 500_000.0, 6_000_000.0
 
@@ -151,12 +152,21 @@ def box(words, x, y, angle):
     return x + 0.2 * 10.3, top - wide, x + 0.8 * 10.3, top
 
 
+def test_a_name_covers_no_goal():
+    ctx = town(("Long Lane", [(0, 0), (100, 0), (200, 0)], {}))
+    node = ctx.graph.nearest_node(X + 100, Y)
+    ctx.agent.create_agent("anna", start_node_id=ctx.graph.nearest_node(X, Y), team="red")
+    assert [name[0] for name in names(ctx, 800, 200, legend=False)] == ["Long Lane"]
+    ctx.game.add(gamms.rules.reach("red", [node]))
+    assert names(ctx, 800, 200, legend=False) == []
+
+
 def test_names_stay_where_they_are_while_the_picture_moves():
     ctx = grid()
     places = []
     for shift in range(0, 12, 3):
         camera = Camera(800, 600, X - 20.0 + shift, Y + 180.0, 3.0)
-        found = street_names(camera, 1.0, ctx, (0.0, 0.0, 800.0, 600.0), np.empty((0, 4)))
+        found = place_street_names(camera, 1.0, ctx, {}, Layout((0.0, 0.0, 800.0, 600.0)))
         places.append({one.words: (one.x / 3.0 + camera.left, camera.top - one.y / 3.0) for one in found})
     stays = set.intersection(*map(set, places))
     assert len(stays) > 3

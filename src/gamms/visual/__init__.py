@@ -3,14 +3,14 @@
 An engine (`engine.py`, read it first) is a facade of parts: `drawing.py` has the primitives, which collect draw
 commands; `artists.py` stores the declared artists (`artist.py`), and `default_scene.py` makes those of a scenario that
 does not declare its graph; `camera.py` has cameras; `pictures.py` saves pictures with `files.py`; `page.py` arranges
-the parts around the map, `captions.py` the text below it, `labels.py` the names beside agents, and
-`street_names.py` those of streets. Drawers (`drawers/`)
-draw one kind of thing each, with data of the turn from `shown_turn.py`; backends (`backends/`) convert draw commands to
-files; `scene.py` paints frames of films and of the window (`window/`) fast. Colors are in `appearance.py` and
-`themes.py`, the font in `font.py`, legends and values in `legend.py`, recorded drawings in `recorded_drawings.py`,
-and names of 1.0.0's window in `compat.py`. May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`,
-`gamms.arguments`, `gamms.errors`. To draw something new, add one function to `drawers/`; to add an output format, add
-one file to `backends/` and one line to its `__init__`. Drawing only reads the scenario.
+the parts around the map, `captions.py` the text below it and `labels.py` the names on the map; `layout.py` decides
+where they are free. Drawers (`drawers/`) draw one kind of thing each, with data of the turn from `shown_turn.py`;
+backends (`backends/`) convert draw commands to files; `scene.py` paints frames of films and of the window (`window/`)
+fast. Colors are in `appearance.py` and `themes.py`, the font in `font.py`, legends and values in `legend.py`, recorded
+drawings in `recorded_drawings.py`, and names of 1.0.0's window in `compat.py`. May import: `gamms.typing`,
+`gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`. To draw something new, add one function
+to `drawers/`; to add an output format, add one file to `backends/` and one line to its `__init__`. Drawing only reads
+the scenario.
 """
 
 import typing as _typing

@@ -1,34 +1,39 @@
-"""Labels beside agents: names, heights, and the numbers of agents on a node; and their placement.
+"""Words on the map: labels beside agents, and names along streets. `layout.py` decides where they are free.
 
-Agents whose discs touch share one label, a line for each with a bullet in its color. A label stands at one of eight
-sides of its discs, or farther away at the end of a line; there it covers no disc, sign or other label.
+A label has the names, heights or number of agents. Agents whose discs touch share one, a line for each with a bullet
+in its color. It stands at one of eight sides of its discs, or farther away at the end of a line; there it covers no
+disc, sign or other label. Names of streets stand along straight parts, clear of agents, signs, labels and each other.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import atan2, cos, degrees, radians, sin
 from typing import NamedTuple, cast
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_known
 from gamms.errors import BadType
 from gamms.ir.draw import DrawSpace
-from gamms.ir.graph import FloatArray
+from gamms.ir.geometry import straight_parts
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
-from gamms.visual.appearance import AgentData, AnyColor
-from gamms.visual.artist import ArtistGroup, data_of, looks_of
+from gamms.visual.appearance import AgentData, AnyColor, Rgb
+from gamms.visual.artist import ArtistGroup, data_of, drawn_looks, looks_of
 from gamms.visual.camera import Camera, on_screen
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawers.marks import drawn_marks
+from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
 from gamms.visual.drawing import drawing_of
-from gamms.visual.font import EM, words_width
+from gamms.visual.font import EM, MIDDLE, words_width
+from gamms.visual.layout import Layout, Rectangle
 from gamms.visual.legend import Pen
 
 AUTO = "auto"
 Choice = bool | str | frozenset[str]
 """All names, none, as many as are easy to read ("auto"), or these."""
-Rectangle = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 
 # Above at the right first, as on maps, where the streets of a grid do not pass: the order in which they are tried.
 SIDES = np.array([(1, -1), (1, 1), (1, 0), (-1, -1), (-1, 1), (-1, 0), (0, -1), (0, 1)], np.float64)
@@ -41,12 +46,24 @@ _INDENT_PX = 11.0
 _GAPS_PX = 3.0, 12.0, 28.0
 _NEAR_PLACES = len(SIDES) * (len(_GAPS_PX) - 1)  # without a line
 _CORNER = 0.5**0.5  # share of the distance at corners, where a disc does not fill its square
-_DOTS_PX = 5.0  # from a label to other discs
-_AROUND = np.array([-2.0, -2.0, 2.0, 2.0])  # from a label to signs and other labels
+_AROUND_PX = 2.0  # from a label to signs and other labels
+_DOTS_PX = 3.0  # more to other discs
 _MOST_COUNTED = 5000  # agents; with more, agents at one place are not counted
 # the number of legible names, and the page pixels that each needs
 _MOST_AUTO = 30
 _AUTO_PX = 7_000.0
+
+# names of streets
+STREET_PX = 15.0
+_CLOSE = 0.8  # pixels per metre from which streets have names
+_NAME_AREA = 50_000.0  # pixels of the page for each name
+_AGAIN_PX = 500.0  # from a name to the same one
+_MOST_AGAIN = 100  # names of one straight part
+_ROOM_PX = 10.0  # of a street beyond each end of its name
+_CLEAR_PX = 4.0  # around a name
+_STRAIGHT_M = 2.0  # metres by which a street may be beside its name
+_UPRIGHT = 0.2  # so far across, as a share of how far down, a name still reads upwards
+_LONGEST_NAME = 60  # letters
 
 
 def as_choice(ctx: IContext, labels: object) -> Choice:
@@ -116,17 +133,16 @@ class Labels:
         self._places: dict[str, int] = {}  # name of the first agent of a label -> its place
         self.are_shown = False
 
-    def placed(
+    def place(
         self,
         camera: Camera,
         fine: float,
         ctx: IContext,
         artists: Mapping[str, IArtist],
         choice: Choice,
-        page: Rectangle,
-        taken: Sequence[Rectangle],
+        layout: Layout,
     ) -> list[Label]:
-        """Return the labels of agents that were drawn; labels without a free place are omitted.
+        """Return the labels of agents that were drawn, and cover their areas; without a free place there is no label.
 
         Args:
             camera: of the picture.
@@ -134,12 +150,11 @@ class Labels:
             ctx: the context.
             artists: that have drawn the agents.
             choice: whose names are shown.
-            page: where labels may be.
-            taken: occupied areas.
+            layout: of the page.
         """
         agents = ctx.agent.agents
         heights = dict(_heights(ctx))
-        named = _named(ctx, choice, page)
+        named = _named(ctx, choice, layout.page)
         self.are_shown = bool(named)
         is_counted = drawing_of(ctx).has_stacks and len(agents) <= _MOST_COUNTED
         if not (named or heights or is_counted):
@@ -152,8 +167,6 @@ class Labels:
         knots = _knots(dots, list(lines))
         # Labels that were there before stay, so they choose first.
         knots.sort(key=lambda knot: looks[knot[0]].name not in self._places)
-        signs = sign_boxes(ctx, artists, camera, fine)
-        occupied = np.vstack([signs, np.array(taken).reshape(-1, 4)])
         found = list[Label]()
         before = self._places
         self._places = {}
@@ -161,15 +174,50 @@ class Labels:
             name = looks[knot[0]].name
             label = _shortened([lines[row] for row in knot])
             places = _places(dots, knot, label)
-            boxes = np.vstack([occupied + _AROUND, np.delete(dots.boxes(_DOTS_PX), knot, axis=0)])
-            place = _first_free(places, page, boxes, before.get(name, -1))
-            if place is not None:
-                occupied = np.vstack([occupied, places[place]])
+            order = sorted(range(len(places)), key=lambda place: place != before.get(name))
+            others = np.delete(dots.boxes(_DOTS_PX), knot, axis=0)
+            free = Layout(layout.page, np.vstack([layout.areas, others])).find_free(places[order], _AROUND_PX)
+            if free is not None:
+                place = order[free]
+                layout.cover(places[place])
                 self._places[name] = place
                 left, top, right, bottom = places[place].tolist()
                 leader = _leader(dots, knot[0], places[place]) if place >= _NEAR_PLACES else []
                 found.append(Label(label, (left, top, right, bottom), leader))
         return found
+
+
+def draw_names(
+    pen: Pen,
+    fine: float,
+    ctx: IContext,
+    artists: Mapping[str, IArtist],
+    labels: Labels,
+    layout: Layout,
+    *,
+    choice: Choice,
+    has_streets: bool,
+) -> None:
+    """Draw the labels beside agents, and below them the names of streets, a little paler but readable on a street.
+
+    Args:
+        pen: the pen of the page.
+        fine: the number of camera pixels per page pixel.
+        ctx: the context.
+        artists: that have drawn the map.
+        labels: the labels beside agents.
+        layout: of the page, whose areas stay visible.
+        choice: whose names are shown.
+        has_streets: whether streets have names.
+    """
+    layout.cover(sign_boxes(ctx, artists, pen.camera, fine))
+    found = labels.place(pen.camera, fine, ctx, artists, choice, layout)
+    if has_streets:
+        red, green, blue = (round((2 * ink + faint) / 3) for ink, faint in zip(pen.ink, pen.faint, strict=True))
+        for name in place_street_names(pen.camera, fine, ctx, artists, layout):
+            name.draw(pen, (red, green, blue))
+    for label in found:
+        label.draw(pen)
 
 
 def _named(ctx: IContext, choice: Choice, page: Rectangle) -> frozenset[str]:
@@ -278,25 +326,6 @@ def _indent(lines: list[LabelLine]) -> float:
 # -- where they go ------------------------------------------------------------------------------------------------
 
 
-def _first_free(places: FloatArray, page: Rectangle, boxes: FloatArray, before: int) -> int | None:
-    """Return the place before, else the first of `places` (places, 4), that is on the page and hits no box."""
-    around = np.concatenate([places[:, :2].min(axis=0), places[:, 2:].max(axis=0)])
-    boxes = boxes[are_hit(boxes, around[None])]
-    is_inside = (places[:, :2] >= page[:2]).all(axis=1) & (places[:, 2:] <= page[2:]).all(axis=1)
-    free = np.flatnonzero(is_inside & ~are_hit(places, boxes)).tolist()
-    if before in free:
-        return before
-    return free[0] if free else None
-
-
-def are_hit(boxes: FloatArray, others: FloatArray) -> BoolArray:
-    """Return which boxes (boxes, 4) overlap one of `others` (others, 4)."""
-    begins_before = (boxes[:, None, :2] < others[:, 2:]).all(axis=2)
-    ends_behind = (boxes[:, None, 2:] > others[:, :2]).all(axis=2)
-    is_hit: BoolArray = np.any(begins_before & ends_behind, axis=1)
-    return is_hit
-
-
 def _places(dots: AgentDots, knot: list[int], lines: list[LabelLine]) -> FloatArray:
     """Return where a label may stand beside discs, (places, 4)."""
     own = dots.boxes()[knot]
@@ -322,3 +351,118 @@ def beside(middle: FloatArray, half: FloatArray, size: FloatArray) -> FloatArray
     around = [middle + SIDES * ((half + gap) * share + size / 2) for gap in _GAPS_PX]
     middles = np.concatenate(around)
     return np.hstack([middles - size / 2, middles + size / 2])
+
+
+# -- names of streets ---------------------------------------------------------------------------------------------
+
+
+class StreetName(NamedTuple):
+    """A text along a street; positions in pixels from the upper left corner."""
+
+    words: str
+    x: float  # of their middle
+    y: float
+    angle: float  # degrees, counter-clockwise
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """The upper left corner of the words, around which they are turned."""
+        across = words_width(self.words, STREET_PX) / 2
+        down = MIDDLE * STREET_PX
+        turn = radians(self.angle)
+        return self.x - across * cos(turn) - down * sin(turn), self.y + across * sin(turn) - down * cos(turn)
+
+    def draw(self, pen: Pen, ink: Rgb) -> None:
+        """Write the name."""
+        pen.turned_text(self.words, self.corner, STREET_PX, ink, self.angle)
+
+    def boxes(self) -> FloatArray:
+        """Return squares (squares, 4) that cover the words: left, top, right, bottom."""
+        half = EM * STREET_PX / 2
+        across = words_width(self.words, STREET_PX) / 2
+        turn = radians(self.angle)
+        steps = np.linspace(-across, across, int(2 * across / half) + 2)
+        middles = np.column_stack([self.x + steps * cos(turn), self.y - steps * sin(turn)])
+        return np.hstack([middles - half, middles + half])
+
+
+class _StraightParts(NamedTuple):
+    """The straight parts of named streets, the largest streets first."""
+
+    words: list[str]
+    begins: FloatArray  # (parts, 2)
+    ends: FloatArray  # (parts, 2)
+    widths: FloatArray  # (parts,)  of the words, pixels
+
+
+def place_street_names(
+    camera: Camera, fine: float, ctx: IContext, artists: Mapping[str, IArtist], layout: Layout
+) -> list[StreetName]:
+    """Return the names of the largest streets, if the scale of the map leaves room for names, and cover their areas.
+
+    Args:
+        camera: of the picture.
+        fine: the number of camera pixels per page pixel.
+        ctx: the context.
+        artists: that have drawn the agents, which stay visible.
+        layout: of the page.
+    """
+    scale = camera.scale / fine
+    found = list[StreetName]()
+    if scale < _CLOSE or not in_metres(ctx.graph.columns()):
+        return found
+    layout.cover(dots_in(drawn_looks(artists)[1], camera, fine).boxes())
+    left, top, right, bottom = layout.page
+    most = int((right - left) * (bottom - top) / _NAME_AREA)
+    for name in _tries(drawing_of(ctx).of_map(_straight_parts), camera._replace(scale=scale), layout):
+        if len(found) == most:
+            return found
+        same = np.array([(one.x, one.y) for one in found if one.words == name.words]).reshape(-1, 2)
+        is_near = np.hypot(*(same - (name.x, name.y)).T) < _AGAIN_PX
+        if not is_near.any() and not layout.measure_overlaps(name.boxes(), _CLEAR_PX).any():
+            layout.cover(name.boxes())
+            found.append(name)
+    return found
+
+
+def _tries(parts: _StraightParts, camera: Camera, layout: Layout) -> Iterator[StreetName]:
+    """Yield names at even distances along straight parts that are long enough, if they are inside the page."""
+    begins = camera.to_screen(parts.begins)
+    ways = camera.to_screen(parts.ends) - begins
+    lengths = np.hypot(*ways.T)
+    counts = np.clip(lengths / _AGAIN_PX, 1, _MOST_AGAIN).astype(np.int64)
+    fits = lengths > parts.widths + 2 * _ROOM_PX
+    row, number = kernels.expand_ranges(np.zeros(len(counts), np.int64), np.where(fits, counts, 0))
+    middles = begins[row] + ways[row] * ((number + 0.5) / counts[row])[:, None]
+    half = ways[row] * (parts.widths[row] / 2 / lengths[row])[:, None]
+    is_inside = layout.are_inside(np.hstack([middles - np.abs(half), middles + np.abs(half)]))
+    is_back = half[:, 0] < _UPRIGHT * half[:, 1]  # of names that are nearly upright, all read upwards
+    half[is_back] *= -1.0
+    for place in np.flatnonzero(is_inside).tolist():
+        x, y = middles[place].tolist()
+        across, down = half[place].tolist()
+        yield StreetName(parts.words[row[place]], x, y, degrees(atan2(-down, across)))
+
+
+def _straight_parts(columns: GraphColumns) -> _StraightParts:
+    """Return the straight parts of streets that have names, but no tunnels; edges that meet are joined."""
+    names = {row: _first_text(value) for row, value in columns.edge_attributes.get("name", {}).items()}
+    rows = one_way_each(columns)
+    rows = rows[(levels_of(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
+    if not len(rows):
+        return _StraightParts([], np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
+    texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
+    classes = np.zeros(len(texts), np.int64)
+    np.maximum.at(classes, group, classes_of(columns)[rows])
+    owner, ends = straight_parts(*polylines(columns, rows), group, _STRAIGHT_M)
+    lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    order = np.lexsort((owner, -lengths, -classes[owner]))
+    widths = np.array([words_width(text, STREET_PX) for text in texts.tolist()])
+    words = texts[owner[order]].tolist()
+    return _StraightParts(words, ends[order, 0], ends[order, 1], widths[owner[order]])
+
+
+def _first_text(value: object) -> str:
+    """Return a name, or the first of several; "" for invalid or too long names."""
+    text = value[0] if isinstance(value, list | tuple) and value else value
+    return text.strip() if isinstance(text, str) and len(text) <= _LONGEST_NAME else ""

@@ -23,10 +23,10 @@ from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_
 from gamms.visual.drawers.streets import in_metres
 from gamms.visual.drawing import joined
 from gamms.visual.font import shortened, words_width
-from gamms.visual.labels import AUTO, Choice, Labels, Rectangle, as_choice
+from gamms.visual.labels import AUTO, Choice, Labels, as_choice, draw_names
+from gamms.visual.layout import Layout
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.shown_turn import as_turns
-from gamms.visual.street_names import draw_street_names
 from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
@@ -230,12 +230,14 @@ class Page:
         return pen.commands.freeze()
 
     def _legend_at(self, corner: Point | None) -> Point:
+        """Return the upper left corner of the legend; it stays on the page where it grows after the map is placed."""
         _, top, _, bottom = self._margins
         width, height = self._size
-        left = width - self._margin - self.legend.width
-        if corner is not None:  # the legend stays on the page where it grows after the map has found its place
-            left = min(corner[0] / self._fine + self._margin, left)
-            top = max(min(corner[1] / self._fine, height - bottom - self.legend.height), top)
+        right = width - self._margin
+        legend = np.array([self.legend.width, self.legend.height])
+        at = (right, top) if corner is None else (corner[0] / self._fine + self._margin, corner[1] / self._fine)
+        inside = Layout((self._margin, top, right, height - bottom))
+        left, top = inside.move_inside(np.append(at, at + legend)[None])[0, :2].tolist()
         return left, top
 
     def drawing(
@@ -264,26 +266,24 @@ class Page:
         self, camera: Camera, corner: Point | None, ctx: IContext, artists: Mapping[str, IArtist], labels: Labels
     ) -> DrawCommands:
         """Return the names of streets, and the labels beside agents, for the position of the map on this page."""
-        page, taken = self._free(corner)
+        style = self._style
+        layout = self._lay_out(corner)
         pen = self.pen(camera)
-        found = labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
-        if self._style.street_names:
-            draw_street_names(pen, self._fine, ctx, artists, page, [*taken, *(label.box for label in found)])
-        for label in found:
-            label.draw(pen)
+        draw_names(pen, self._fine, ctx, artists, labels, layout, choice=style.labels, has_streets=style.street_names)
         return pen.commands.freeze()
 
-    def _free(self, corner: Point | None) -> tuple[Rectangle, list[Rectangle]]:
-        """Return where words may be, and where the legend is."""
+    def _lay_out(self, corner: Point | None) -> Layout:
+        """Return where words may be, beside the legend."""
         width, height = self._size
-        left, top = self._legend_at(corner)
-        page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
-        right = left + self.legend.width
-        bottom = top + self.legend.height
-        taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
-        if corner is None:
-            taken = [(width - self._column_px, 0.0, width, height)] * bool(self.legend.width)
-        return page, taken
+        layout = Layout((2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot))
+        if self.legend.width and corner is None:
+            layout.cover((width - self._column_px, 0.0, width, height))
+        elif self.legend.width:
+            left, top = self._legend_at(corner)
+            right = left + self.legend.width
+            bottom = top + self.legend.height
+            layout.cover((left - self._margin, top - self._margin, right, bottom + self._margin))
+        return layout
 
     def _captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the captions of the turn, below the map, or on the map if the page has no free corner."""

@@ -44,7 +44,9 @@ def test_the_panel_of_the_one_who_is_asked_covers_no_choice(open_window, person,
     ctx.agent.create_agent("anna", start_node_id=0, team="red", sensors=["near"])
     panels = []
     paint = Hud.paint_facts
-    monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or panels.append(self.taken[-1]))
+    monkeypatch.setattr(
+        Hud, "paint_facts", lambda self, *given: paint(self, *given) or panels.append(self.layout.areas[-1])
+    )
     frames = count()
 
     def act(ctx):

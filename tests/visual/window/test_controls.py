@@ -165,7 +165,7 @@ def test_a_resized_window_sees_the_whole_map_as_long_as_it_was_not_moved(open_wi
 def test_panels_of_agents_cover_neither_the_turn_nor_the_agent(ctx, person, monkeypatch):
     boxes = []
     paint = Hud.paint_facts
-    monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or boxes.append(list(self.taken)))
+    monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or boxes.append(self.layout.areas))
     ctx.visual.look_at(0.0, 0.0, 64.0)
     ctx.visual.update()
     person.click(*ctx.visual.camera.world_to_screen(0.0, 0.0))

@@ -202,7 +202,7 @@ def test_captions_and_questions_cover_each_other_in_no_window(open_window, said)
     ctx.visual.question = question(ctx, "red_0", {"curr_pos": 0})
     words = frame(ctx, said)
     assert any(line.startswith("red_0: a storm of which") and line.endswith("…") for line in words)
-    *_, prompt, captions = [box for box in ctx.visual.overlay.hud.taken if box[2] - box[0] > 100]
+    prompt, *_, captions = [box for box in ctx.visual.overlay.hud.layout.areas if box[2] - box[0] > 100]
     assert captions[3] <= prompt[1]
 
 

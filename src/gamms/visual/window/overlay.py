@@ -30,10 +30,10 @@ from gamms.visual.captions import (
 from gamms.visual.charts import ChartHistory
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
-from gamms.visual.labels import AUTO, Choice, Labels, dots_in
+from gamms.visual.labels import AUTO, Choice, Labels, dots_in, draw_names
+from gamms.visual.layout import Layout
 from gamms.visual.legend import LegendRows, Pen
 from gamms.visual.page import noted
-from gamms.visual.street_names import draw_street_names
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import FrameTiming
 from gamms.visual.window.input import NodeChoice, Question
@@ -276,10 +276,10 @@ class Overlay(Guarded):
         self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
         if self.hud.is_shown and self._artists.fog is None:  # a team does not know what the program collects
             lines_of_charts = self._charts.lines(self.turns)
-            self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._team_of, foot)
+            self.hud.paint_charts(canvas, lines_of_charts, self._drawing.group_colors(), self._team_of)
         card = self.card() if self.hud.is_shown else None
         if self.captions and self.hud.is_shown and not self.hud.has_help and card is None:
-            self.hud.paint_captions(canvas, self.captions, foot, has_prompt=bool(prompt))
+            self.hud.paint_captions(canvas, self.captions)
         if has_line:
             done = self.turns - (1.0 - self._share)
             is_running = not self._pace.is_halted
@@ -291,10 +291,10 @@ class Overlay(Guarded):
             self.hud.paint_card(canvas, card)
         found = self.pointed_at()
         if found is not None:
-            self.hud.paint_facts(canvas, *found, foot)
+            self.hud.paint_facts(canvas, *found)
         pointer = self.pointer()
         if has_line and pointer is not None and (words := self.timeline.words_at(pointer)):
-            self.hud.paint_facts(canvas, words, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX, foot)
+            self.hud.paint_facts(canvas, words, (pointer[0], canvas.height - EDGE_PX - foot), EDGE_PX)
 
     def _prompt(self, question: Question | None) -> list[str]:
         if question is not None:
@@ -320,29 +320,27 @@ class Overlay(Guarded):
     def _paint_choices(self, canvas: Canvas, question: NodeChoice) -> None:
         """Paint the number of each choice beyond it, seen from the one who is asked, where no other number is."""
         places = self._camera.camera().to_screen(question.places)
-        taken: list[FloatArray] = []
         for number, way in enumerate(_ways(places)):
-            for step in range(_MOST_TRIES):
-                at = places[number] + _turned(way, step) * (BADGE_PX + _OUT_PX * (step // len(_TURNS)))
-                if all(np.abs(at - other).max() >= BADGE_PX + 1 for other in taken):
-                    break
-            taken.append(at)
-            self.hud.badge(canvas, str(number), *at.tolist())
+            self.hud.paint_badge(canvas, str(number), places[number] + _directions(way))
         half = BADGE_PX / 2
-        self.hud.taken += [(x - half, y - half, x + half, y + half) for x, y in places.tolist()]
+        self.hud.layout.cover(np.hstack([places - half, places + half]))
 
     def _paint_names(self, canvas: Canvas) -> None:
-        """Paint the labels beside agents, but not below the panels of the previous frame."""
+        """Paint names on the map, but not below the panels of the previous frame."""
+        layout = Layout((0.0, 0.0, canvas.width, canvas.height - self.foot), self.hud.layout.areas)
         view = self._camera.camera()
         theme = self.hud.theme
-        page = (0.0, 0.0, canvas.width, canvas.height)
-        labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
         pen = Pen(view, 1.0, theme.ink[:3])
-        if self.has_street_names:
-            taken = [*self.hud.taken, *(label.box for label in labels)]
-            draw_street_names(pen, 1.0, self._ctx, self.shown, page, taken)
-        for label in labels:
-            label.draw(pen)
+        draw_names(
+            pen,
+            1.0,
+            self._ctx,
+            self.shown,
+            self._names,
+            layout,
+            choice=self.labels,
+            has_streets=self.has_street_names,
+        )
         paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
         Painting(pen.commands.freeze()).paint(paper, view)
 
@@ -394,8 +392,7 @@ def _summary(data: object) -> str:
 
 
 _TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.4, -2.4)  # radians: rotations of a number to avoid others
-_OUT_PX = 18  # farther from its node, if no direction is free
-_MOST_TRIES = 6 * len(_TURNS)
+_OUT_PX = BADGE_PX + 18 * np.arange(6.0)  # from its node, if no direction nearer to it is free
 
 
 def _ways(places: FloatArray) -> FloatArray:
@@ -412,8 +409,10 @@ def _ways(places: FloatArray) -> FloatArray:
     return ways
 
 
-def _turned(way: FloatArray, step: int) -> FloatArray:
-    """Return a unit vector, rotated by one of the angles at which numbers are placed."""
-    cos = np.cos(_TURNS[step % len(_TURNS)])
-    sin = np.sin(_TURNS[step % len(_TURNS)])
-    return np.array([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])
+def _directions(way: FloatArray) -> FloatArray:
+    """Return where a number may stand (places, 2), seen from its node, whose way out is a unit vector (2,)."""
+    cos = np.cos(_TURNS)
+    sin = np.sin(_TURNS)
+    turned = np.column_stack([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])
+    places: FloatArray = (_OUT_PX[:, None, None] * turned).reshape(-1, 2)
+    return places

@@ -4,6 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
+from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
@@ -22,6 +25,7 @@ from gamms.visual.captions import (
 from gamms.visual.charts import HEIGHT_PX, WIDTH_PX, ChartLine, draw_chart
 from gamms.visual.font import words_width
 from gamms.visual.keys import explain_keys
+from gamms.visual.layout import Layout
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.themes import Theme
 
@@ -32,7 +36,6 @@ FONT_PX = 21
 _LINE_PX = 20
 _PAD_PX = 10
 _SMALL_PX = 17
-_PROMPT_PX = 56
 _ABOVE_NOTE_PX = 14
 BADGE_PX = 24
 _FOOT_PX = 64  # of the window, where it asks and names the source of the map
@@ -47,14 +50,14 @@ class Hud:
         legend: in the upper right corner.
         is_shown: whether lines, legend and help are.
         has_help: whether the keys are explained.
-        taken: where panels were painted in this frame: left, top, right and lower end of each.
+        layout: of this frame, with the areas of its panels.
     """
 
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
         self.is_shown = True
         self.has_help = False
-        self.taken: list[_Box] = []
+        self.layout = Layout((0.0, 0.0, 0.0, 0.0))
         self.legend = WindowLegend(theme)
 
     def set_theme(self, theme: Theme) -> None:
@@ -73,36 +76,49 @@ class Hud:
     def paint(
         self, canvas: Canvas, lines: Iterable[str], prompt: list[str], credit: str, foot_px: int, *, has_hint: bool
     ) -> None:
-        """Paint lines in the upper left corner, the legend, a prompt above a foot of the window, and small print."""
-        low = canvas.height - EDGE_PX - max(foot_px, _ABOVE_NOTE_PX)
-        self.taken = []
+        """Paint lines in the upper left corner, a prompt above a foot of the window, the legend, and small print."""
+        foot = max(foot_px, _ABOVE_NOTE_PX) + EDGE_PX
+        self.layout = Layout((EDGE_PX, EDGE_PX, canvas.width - EDGE_PX, canvas.height - foot))
         if self.is_shown:
-            right, bottom = self._panel(canvas, [_short(line) for line in lines], EDGE_PX, EDGE_PX)
-            # To the right of the lines, or below if the lines are too wide.
-            self.legend.paint(canvas, bottom if right + EDGE_PX > canvas.width - self.legend.width else 0)
-            if self.legend.width:
-                self.taken.append((canvas.width - self.legend.width, 0, canvas.width, self.legend.height))
-            raised = _PROMPT_PX - _ABOVE_NOTE_PX if prompt else 0
-            self._panel(canvas, _help_lines() if self.has_help else (), EDGE_PX, low - raised, align=(0.0, 1.0))
+            self._paint_lines(canvas, _wrapped(tuple(map(_short, lines)), canvas.width), (EDGE_PX, EDGE_PX))
+        asked = _wrapped(tuple(prompt), canvas.width)
+        width, height = _size(asked)
+        self._paint_lines(canvas, asked, (round((canvas.width - width) / 2), canvas.height - foot - height))
+        if self.is_shown:
+            self._paint_legend(canvas)
+            help_lines = _wrapped(_help_lines(), canvas.width) if self.has_help else ()
+            self._paint_lines(canvas, help_lines, self._find_lower_left(*_size(help_lines)))
             if has_hint and not self.has_help:
                 self._foot(canvas, _HINT)
         self._foot(canvas, credit, is_right=True)
-        self._panel(canvas, prompt, canvas.width / 2, low, align=(0.5, 1.0))
 
-    def paint_captions(
-        self, canvas: Canvas, captions: Sequence[CaptionLine], foot_px: int, *, has_prompt: bool
-    ) -> None:
-        """Paint the captions in the lower left corner, above foot and prompt; earlier turns are faint."""
+    def _paint_legend(self, canvas: Canvas) -> None:
+        """Paint the legend in the upper right corner, or below the lines there, if it has room."""
+        right = self.layout.page[2]
+        width = self.legend.width - EDGE_PX
+        height = self.legend.height - EDGE_PX
+        places = self.layout.list_below((right - width, EDGE_PX, right, EDGE_PX + height), EDGE_PX)
+        row = self.layout.find_free(places, EDGE_PX) if self.legend.width else None
+        if row is not None:
+            self.legend.paint(canvas, round(places[row, 1]) - EDGE_PX)
+            self.layout.cover(places[row])
+
+    def paint_captions(self, canvas: Canvas, captions: Sequence[CaptionLine]) -> None:
+        """Paint the captions in the lower left corner, or above what is there; earlier turns are faint."""
         room = canvas.width - 2 * (EDGE_PX + _PAD_PX) - INDENT_PX
         width = round(captions_width(captions, room)) + 2 * _PAD_PX
         height = round(LINE_PX * len(captions)) + _PAD_PX
-        low = self.taken[-1][1] if has_prompt else canvas.height - max(foot_px, _ABOVE_NOTE_PX)
-        top = round(low) - EDGE_PX - height
-        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (EDGE_PX, top))
+        left, top = self._find_lower_left(width, height)
+        self._paint_panel(canvas, (left, top), (width, height))
         pen = _screen_pen(canvas, self.theme)
-        draw_captions(pen, captions, (EDGE_PX + _PAD_PX, top + _PAD_PX / 2, room), self.theme.faint[:3])
+        draw_captions(pen, captions, (left + _PAD_PX, top + _PAD_PX / 2, room), self.theme.faint[:3])
         pen.paint(canvas)
-        self.taken.append(_box(EDGE_PX, top, width, height))
+
+    def _find_lower_left(self, width: int, height: int) -> tuple[int, int]:
+        """Return the upper left corner of a panel at the lowest place at the left edge that covers the least."""
+        left, _, _, bottom = self.layout.page
+        places = self.layout.list_above((left, bottom - height, left + width, bottom), EDGE_PX)
+        return _corner(places[self.layout.choose(places, EDGE_PX)])
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
@@ -112,23 +128,21 @@ class Hud:
         if words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
-    def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float, foot_px: int) -> None:
+    def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float) -> None:
         """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
         x, y = at
         lines = _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
-        last = canvas.width - EDGE_PX - width, canvas.height - EDGE_PX - foot_px - height
-        places = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]
-        places += [(x - width / 2, y + beside_px), (x - width / 2, y - beside_px - height)]
-        below_lines = EDGE_PX, self.taken[0][3] + EDGE_PX if self.taken else EDGE_PX
-        is_outside = not (0 <= x <= canvas.width and 0 <= y <= canvas.height)
-        places = [below_lines] if is_outside else [*places, below_lines]
-        inside = [
-            (max(min(left, last[0]), EDGE_PX), max(min(top, last[1]), EDGE_PX)) for left, top in places
-        ]  # as far as the window is large enough
-        taken = [*self.taken, (x - beside_px / 2, y - beside_px / 2, x + beside_px / 2, y + beside_px / 2)]
-        left, top = min(inside, key=lambda at: sum(_overlap(_box(at[0], at[1], width, height), box) for box in taken))
-        self._panel(canvas, lines, left, top)
+        places = self.layout.list_below((EDGE_PX, EDGE_PX, EDGE_PX + width, EDGE_PX + height), EDGE_PX)
+        if 0 <= x <= canvas.width and 0 <= y <= canvas.height:
+            corners = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]
+            corners += [(x - width / 2, y + beside_px), (x - width / 2, y - beside_px - height)]
+            beside = np.hstack([corners, np.add(corners, (width, height))])
+            places = np.vstack([beside, places])
+        places = self.layout.move_inside(places)
+        half = beside_px / 2
+        taken = Layout(self.layout.page, [*self.layout.areas, (x - half, y - half, x + half, y + half)])
+        self._paint_lines(canvas, lines, _corner(places[taken.choose(places)]))
 
     def paint_charts(
         self,
@@ -136,72 +150,81 @@ class Hud:
         charts: Mapping[str, Mapping[str, ChartLine]],
         colors: Mapping[str, Rgb],
         group_of: Callable[[str], str | None],
-        foot_px: int,
     ) -> None:
-        """Paint charts at the right edge below the legend, as many as have room above the foot.
+        """Paint charts at the right edge below the legend, as many as have room.
 
         Args:
             canvas: the window.
             charts: chart -> line -> its points.
             colors: the color of each team.
             group_of: returns the team of an agent, which gives its line a color.
-            foot_px: the height of the timeline.
         """
         width = round(WIDTH_PX) + 2 * _PAD_PX
-        left = canvas.width - EDGE_PX - width
-        upper = [box[3] for box in self.taken if box[2] > left and box[1] < canvas.height / 2]
-        top = round(max(upper, default=0)) + EDGE_PX
-        count = min(len(charts), int((canvas.height - max(foot_px, _FOOT_PX) - top - _PAD_PX) // HEIGHT_PX))
-        if count < 1 or left < canvas.width / 2:
+        right = self.layout.page[2]
+        left = right - width
+        count = len(charts) if left >= canvas.width / 2 else 0
+        row = None
+        while count and row is None:
+            height = round(count * HEIGHT_PX) + _PAD_PX
+            places = self.layout.list_below((left, EDGE_PX, right, EDGE_PX + height), EDGE_PX)
+            row = self.layout.find_free(places, EDGE_PX)
+            count -= row is None
+        if row is None:
             return
-        height = round(count * HEIGHT_PX) + _PAD_PX
-        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
+        left, top = _corner(places[row])
+        self._paint_panel(canvas, (left, top), (width, height))
         pen = _screen_pen(canvas, self.theme)
         for row, (name, lines) in enumerate(list(charts.items())[:count]):
             groups = {line: group_of(line) for line in lines}
             inks = {line: colors[group] for line, group in groups.items() if group is not None and group in colors}
             draw_chart(pen, name, lines, inks, (left + _PAD_PX, top + _PAD_PX / 2 + row * HEIGHT_PX))
         pen.paint(canvas)
-        self.taken.append(_box(left, top, width, height))
 
     def paint_card(self, canvas: Canvas, card: ResultCard) -> None:
-        """Paint how a game ended in the upper middle; in a small window, below all lines."""
+        """Paint how a game ended in the upper middle or below the panels there; in a small window, at the left edge."""
         width, height = card_size(card)
         left = (canvas.width - width) / 2
         top = max((canvas.height - height) / 5, EDGE_PX)
-        upper = [box for box in self.taken if box[1] < canvas.height / 2]
-        if any(_overlap(_box(left, top, width, height), box) for box in upper):
-            top = max(box[3] for box in upper) + EDGE_PX
+        places = self.layout.list_below((left, top, left + width, top + height), EDGE_PX)
+        aside = self.layout.list_below((EDGE_PX, top, EDGE_PX + width, top + height), EDGE_PX)
+        places = np.vstack([places, aside])
+        place = places[self.layout.choose(places, EDGE_PX)]
         pen = _screen_pen(canvas, self.theme)
-        center = canvas.width / 2, top + height / 2
+        center = float(place[0]) + width / 2, float(place[1]) + height / 2
         draw_card(pen, card, center, self.theme.card[:3], self.theme.faint[:3])
         pen.paint(canvas)
-        self.taken.append(_box(left, top, width, height))
+        self.layout.cover(place)
 
-    def _panel(
-        self, canvas: Canvas, lines: Sequence[str], x: float, y: float, align: tuple[float, float] = (0.0, 0.0)
-    ) -> tuple[int, int]:
-        """Paint lines on a panel, a share `align` of it left of and above (x, y); return its right and lower end."""
+    def _paint_lines(self, canvas: Canvas, lines: Sequence[str], corner: tuple[int, int]) -> None:
+        """Paint lines, if there are any, on a panel whose upper left corner is given."""
         if not lines:
-            return 0, 0
-        lines = _wrapped(tuple(lines), canvas.width)
-        width, height = _size(lines)
-        left = round(x - align[0] * width)
-        top = round(y - align[1] * height)
-        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
+            return
+        left, top = corner
+        self._paint_panel(canvas, corner, _size(tuple(lines)))
         for row, line in enumerate(lines):
             canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
-        self.taken.append(_box(left, top, width, height))
-        return left + width, top + height
 
-    def badge(self, canvas: Canvas, words: str, x: float, y: float) -> None:
-        """Paint a round label around a point, in the color of words, which no team has."""
+    def _paint_panel(self, canvas: Canvas, corner: tuple[int, int], size: tuple[int, int]) -> None:
+        """Paint an empty panel from its upper left corner, and cover its area."""
+        canvas.surface.blit(plain_panel(*size, self.theme.card, self.theme.border), corner)
+        self.layout.cover(np.append(corner, np.add(corner, size)))
+
+    def paint_badge(self, canvas: Canvas, words: str, middles: FloatArray) -> None:
+        """Paint a round label at the first of its `middles` (middles, 2) where it is free.
+
+        It has the color of words, which no team has.
+        """
         width = max(text_px(words, FONT_PX) + 10, BADGE_PX)
+        half = np.array([width / 2, BADGE_PX / 2])
+        places = np.hstack([middles - half, middles + half])
+        place = places[self.layout.choose(places, 1.0)]
+        left, top = _corner(place)
         badge = plain_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
-        canvas.surface.blit(badge, (round(x - width / 2), round(y - BADGE_PX / 2)))
+        canvas.surface.blit(badge, (left, top))
         edge = self.theme.ink[:3]  # none, so that no halo of another color is around the words
-        canvas.text(words, x - text_px(words, FONT_PX) / 2, y - 6, FONT_PX, self.theme.background, edge=edge)
-        self.taken.append(_box(x - width / 2, y - BADGE_PX / 2, width, BADGE_PX))
+        x = left + (width - text_px(words, FONT_PX)) / 2
+        canvas.text(words, x, top + 6, FONT_PX, self.theme.background, edge=edge)
+        self.layout.cover(place)
 
 
 @lru_cache
@@ -212,17 +235,9 @@ def _help_lines() -> tuple[str, ...]:
     return tuple(" · ".join(each[i : i + 2]) for i in range(0, len(each), 2))
 
 
-_Box = tuple[float, float, float, float]  # left, top, right, bottom
-
-
-def _box(left: float, top: float, width: float, height: float) -> _Box:
-    return left, top, left + width, top + height
-
-
-def _overlap(one: _Box, other: _Box) -> float:
-    """Return the area that two boxes share."""
-    across, down = (min(one[i + 2], other[i + 2]) - max(one[i], other[i]) for i in (0, 1))
-    return max(across, 0.0) * max(down, 0.0)
+def _corner(place: FloatArray) -> tuple[int, int]:
+    """Return the upper left corner of a place (4,), in whole pixels."""
+    return round(place[0]), round(place[1])
 
 
 def text_px(words: str, font_px: int) -> int:
@@ -252,7 +267,7 @@ def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def _size(words: tuple[str, ...]) -> tuple[int, int]:
-    widest = max(text_px(line, FONT_PX) for line in words)
+    widest = max((text_px(line, FONT_PX) for line in words), default=0)
     return widest + 2 * _PAD_PX, len(words) * _LINE_PX + 2 * _PAD_PX - 5
 
 
@@ -288,12 +303,11 @@ class WindowLegend:
             self._legend = Legend(blocks, width, height - _FOOT_PX)
 
     def paint(self, canvas: Canvas, top: int) -> None:
-        """Paint it from `top` downwards, if it fits above the foot of the window."""
-        if self.width and top + self.height <= canvas.height - _FOOT_PX:
-            if self._panel_surface is None:
-                self._panel_surface = painted_transparent(self._painted)
-            place = canvas.width - self.width, top
-            canvas.surface.blit(self._panel_surface, place, special_flags=load().BLEND_PREMULTIPLIED)
+        """Paint it at the right edge, from `top` downwards."""
+        if self._panel_surface is None:
+            self._panel_surface = painted_transparent(self._painted)
+        place = canvas.width - self.width, top
+        canvas.surface.blit(self._panel_surface, place, special_flags=load().BLEND_PREMULTIPLIED)
 
     def _painted(self, behind: Rgba) -> Any:
         theme = self._theme
