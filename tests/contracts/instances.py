@@ -339,6 +339,7 @@ def studies() -> Instances:
         "rows": rows,
         "table": summary,
         "sample": experiment.sample({"teams.cops.count": (1, 8)}, n=4),
+        "verification": experiment.Verification("0" * 64, 4, ("row",), (), ()),
         "task": suite.tasks()[0],
         "results of the suite": suite.Results(summary, {"duel": rows}),
         "table of a tournament": table,

@@ -174,6 +174,10 @@ _EXPERIMENTS: _Commands = {
         "gamms experiment merge results",
         "gamms experiment merge results first/shard-1-of-2 second/shard-2-of-2",
     ),
+    experiments.verify: (
+        "gamms experiment verify results",
+        "gamms experiment verify results --root DIGEST --sample 100 --seed 7",
+    ),
     experiments.pack: ("gamms experiment pack results study.zip",),
     experiments.unpack: ("gamms experiment unpack study.zip restored",),
 }

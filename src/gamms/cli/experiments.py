@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gamms.suite import Results
 
 _MOST_VARIANTS = 40  # that are shown one by one
+_ALTERED = 0.1  # the share of altered rows for which verify prints the probability that it misses all of them
 _REQUIRED = ("scenario", "entries", "seeds")  # of a tournament
 _KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
 
@@ -82,6 +83,7 @@ def run(
     if shard is not None:
         echo(f"\nWrote {part / JOURNAL}; when all parts are played: gamms experiment merge {folder}")
         return
+    _print_root(rows)
     written = [one for one in sorted(folder.glob("rows.*")) if one.suffix in (".csv", ".jsonl", ".parquet")]
     missing = "" if len(written) > 2 else f" For rows.parquet: {install_command('parquet')}."
     echo(f"\nWrote {in_words(written)}.{missing}")
@@ -110,8 +112,54 @@ def merge(
     from gamms import experiment
 
     written = experiment.merge(out, shards or None)
-    _print_digest(experiment.load(out))
+    rows = experiment.load(out)
+    _print_digest(rows)
+    _print_root(rows)
     echo(f"\nWrote {in_words(written)}.")
+
+
+def verify(
+    folder: Annotated[Path, typer.Argument(help="The folder of the experiment.", metavar="FOLDER", show_default=False)],
+    root: Annotated[
+        str | None,
+        typer.Option(help="The published root. Without it the folder is only compared with itself.", metavar="DIGEST"),
+    ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="How many games are played again. By default 10 if --root is given, otherwise none: playing runs the "
+            "code that the folder names.",
+            metavar="K",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Another seed draws other games.", metavar="N")] = 0,
+    code: Annotated[
+        Path | None,
+        typer.Option(help="The folder of the code and maps of the scenario.", metavar="FOLDER", show_default=False),
+    ] = None,
+    allow: Allow = None,
+) -> None:
+    """Check the folder of an experiment by its published root; exit code 1 if something in it was altered."""
+    from gamms import experiment
+
+    found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
+    for note in found.notes:
+        echo(f"note: {note}")
+    for fault in found.faults:
+        echo(fault, err=True)
+    if not found.is_valid:
+        echo(f"{folder}: no.", err=True)
+        raise typer.Exit(1)
+    covered = "is the root" if root is not None else "is its root, which nothing was compared with"
+    echo(f"{folder}: yes. {found.root} {covered}; the files that follow from its {found.rows:,} rows are right.")
+    if found.played:
+        chance = found.miss_probability(_ALTERED)
+        echo(
+            f"{len(found.played):,} games played again are equal. If a tenth of the rows were altered, they would miss "
+            f"all of them with probability {chance:.2g}."
+        )
 
 
 def pack(
@@ -158,6 +206,10 @@ def _print_rows(rows: "Rows") -> None:
 
 def _print_digest(rows: "Rows") -> None:
     echo(f"\nrows sha256 (without versions) {rows.sha256()}")
+
+
+def _print_root(rows: "Rows") -> None:
+    echo(f"root for the paper (gamms experiment verify) {rows.root()}")
 
 
 def suite(

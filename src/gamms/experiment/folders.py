@@ -231,7 +231,12 @@ def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str],
 
 def write_plan(folder: Path, plan: Mapping[str, Any]) -> None:
     """Write the plan of a run."""
-    write_whole(folder / PLAN, (json.dumps({**plan, "format": FORMAT}, indent=1) + "\n").encode())
+    write_whole(folder / PLAN, plan_as_bytes({**plan, "format": FORMAT}))
+
+
+def plan_as_bytes(plan: Mapping[str, Any]) -> bytes:
+    """Return the content of the file of a plan."""
+    return (json.dumps(plan, indent=1) + "\n").encode()
 
 
 def read_plan(folder: Path) -> ExperimentPlan:
@@ -244,6 +249,18 @@ def read_plan(folder: Path) -> ExperimentPlan:
         return json_in(folder / PLAN, "the plan of an experiment", ExperimentPlan)
     except FileNotFoundError:
         raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
+
+
+def read_rows(folder: Path) -> tuple[ExperimentPlan, list[Row]]:
+    """Read the plan of a folder, and the rows of its games in the order of the plan.
+
+    Raises:
+        BadFile: it is not the folder of an experiment, or a file in it is not valid.
+    """
+    plan = read_plan(folder)
+    rows = rows_in(folder / JOURNAL, *ROW)
+    refuse_incomplete(folder, rows, plan["rows"], plan["keys"])
+    return plan, [rows[id] for id in plan["rows"] if id in rows]
 
 
 # -- the files at the end -----------------------------------------------------------------------------------------
@@ -292,6 +309,16 @@ def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
         arrays[name] = pa.array([None if one is None else convert(one) for one in values])
     with whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
         pq.write_table(pa.table(arrays), stream)
+
+
+def find_parquet_version() -> str | None:
+    """Return the version of pyarrow that Parquet files name as their writer; None: it is not installed."""
+    if find_spec("pyarrow") is None:
+        return None
+    import pyarrow as pa
+
+    version: str = pa.cpp_version
+    return version
 
 
 def _same(value: Scalar) -> Scalar:
@@ -447,7 +474,7 @@ def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
     if target.resolve().is_relative_to(source.resolve()):
         raise BadValue(f"{str(target)!r} would be in the folder that it is made of. Name a file elsewhere.")
     with locked(source):
-        found = sorted(_files_in(source), key=lambda one: one.as_posix())
+        found = files_in(source)
         with whole_file(target, through_links=True) as beside:
             try:
                 _write(found, source, beside)
@@ -458,13 +485,25 @@ def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
     return len(found)
 
 
-def _files_in(folder: Path) -> Iterator[Path]:
-    """Yield the files in a folder and below, by their paths in it."""
-    for one in sorted(folder.rglob("*")):
-        if one.is_dir():
-            refuse_link(one)
-        elif one.name != LOCK:
-            yield one.relative_to(folder)
+def files_in(folder: Path) -> list[Path]:
+    """Return the paths of all files in the folder of an experiment and below, without its lock, in order.
+
+    Raises:
+        BadFile: a folder is a link, or lies too deep.
+        TooLarge: there are so many files that their names take more memory than is allowed.
+    """
+    found = list[Path]()
+    waiting = [folder]
+    while waiting:
+        here = waiting.pop()
+        refuse_link(here)
+        if len(here.relative_to(folder).parts) >= _DEEPEST:
+            raise BadFile(f"{str(folder)!r} holds the folder {shown(here.name)}, more than {_DEEPEST - 1} levels deep.")
+        for one in here.iterdir():
+            (waiting if one.is_dir() else found).append(one)
+            refuse_above((len(found) + len(waiting)) * _BYTES_PER_ENTRY, f"Listing the files in {str(folder)!r}")
+    names = (one.relative_to(folder) for one in found if one.name != LOCK)
+    return sorted(names, key=lambda one: one.as_posix())
 
 
 def _write(found: list[Path], source: Path, target: Path) -> None:

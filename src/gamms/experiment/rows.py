@@ -1,19 +1,20 @@
 """The result of a run: a table with one row for each game; any game can be played again."""
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from itertools import chain, combinations
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.arguments import as_float, as_int, as_items, as_known, as_positive
+from gamms.arguments import as_count, as_float, as_int, as_items, as_known, as_positive
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.experiment.folders import SeriesLine, as_columns
-from gamms.experiment.games import Row
+from gamms.experiment import verification
+from gamms.experiment.folders import SeriesLine, as_columns, read_rows, series_lines
+from gamms.experiment.games import ExperimentSettings, Row, VariantPlayer
 from gamms.experiment.statistics import (
     FEW_SEEDS,
     LEAST_P,
@@ -27,9 +28,9 @@ from gamms.experiment.statistics import (
 )
 from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
-from gamms.folders import as_lines
 from gamms.game.result import Result
 from gamms.ir.tables import frame_of, table_of
+from gamms.limits import max_memory
 from gamms.scenario import Scenario, ScenarioError
 from gamms.visual import Engine
 
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _WINS = "wins."
-_VERSIONS = ("gamms", "python", "numpy")
 _METRICS = ("score.", "collector.")  # prefixes of columns in a summary
 _TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow."
 
@@ -62,6 +62,7 @@ class Rows(Sequence[Row]):
         variants: Sequence[Variant] = (),
         sample: tuple[Sequence[str], int] | None = None,
         series: Callable[[Iterable[str]], Iterable[SeriesLine]] | None = None,
+        source: verification.Provenance | None = None,
     ) -> None:
         self._rows = list(rows)
         self.keys = tuple(keys)
@@ -69,6 +70,7 @@ class Rows(Sequence[Row]):
         self._variants = variants
         self._sample = sample  # keys and n of a sample for Sobol indices
         self._series = series  # yields what was collected in the games of some rows, by id
+        self._source = source
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -99,7 +101,7 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): no game has a collector of this name.
             BadFile: a line of `series.jsonl` is not of a series.
         """
-        lines = [] if self._series is None else [*self._series(row["id"] for row in self._rows)]
+        lines = [*self._lines_of_series()]
         known = dict.fromkeys(line["name"] for line in lines)
         as_known(name, "collector", known)
         columns: dict[str, list[Any]] = {"id": [], "turn": [], "agent": [], "value": []}
@@ -116,11 +118,68 @@ class Rows(Sequence[Row]):
 
         The same games have the same digest on any machine, in any order and however they were played.
         """
-        known = [
-            {name: value for name, value in sorted(row.items()) if name not in _VERSIONS and value is not None}
-            for row in self._rows
-        ]
-        return hashlib.sha256(b"".join(sorted(as_lines([row]) for row in known))).hexdigest()
+        known = ({name: value for name, value in row.items() if value is not None} for row in self._rows)
+        return verification.digest_of_lines(known)
+
+    def root(self) -> str:
+        """Return the root of the experiment, in hexadecimal: one SHA-256 to publish, by which others verify a folder.
+
+        It covers the plan and the rows without versions, what collectors have collected, and the recordings (.ggr) in
+        the folder. Like `sha256` it depends neither on the machine nor on the order in which games were played.
+
+        Raises:
+            BadValue: the rows have no plan: neither `run` nor `load` returned them.
+            BadFile: the folder holds a link, or folders that are nested too deeply.
+            TooLarge: the recordings have more bytes than is allowed.
+        """
+        return verification.find_root(self._known_source(), self._rows, self._lines_of_series())
+
+    def verify(self, root: str | None = None, *, sample: int | None = None, seed: int = 0) -> verification.Verification:
+        """Check the folder of these rows: its root, the files that follow from the rows, and some games, played again.
+
+        Games are played only if the root is that of the folder, or if no root is given and `sample` is: they run the
+        code that the plan names, as `play` does.
+
+        Args:
+            root: the published root; None: the folder is only compared with itself.
+            sample: the number of rows that are played again, drawn by the root and `seed`; None: 10 if a root is given,
+                otherwise none.
+            seed: another seed draws other rows. One that a reviewer chooses cannot be foreseen by the author.
+
+        Raises:
+            BadType, BadValue: an argument is invalid, or the rows have no folder.
+            BadFile: a file of the folder is not what a run writes.
+            TooLarge: a file would take more memory than is allowed.
+        """
+        wanted = None if root is None else verification.as_root(root)
+        usual = 0 if wanted is None else verification.SAMPLE
+        count = usual if sample is None else as_count(sample, "sample", least=0)
+        draw = as_int(seed, "seed")
+        current = self._read_again()
+        found = current.root()
+        if wanted in (None, found):
+            drawn = verification.draw_rows(found, draw, current, count)
+            return verification.verify(current._known_source(), found, current, drawn, current._play_row)
+        fault = f"The root of the folder is {found}, not {wanted}: something that it covers was altered."
+        return verification.verify(current._known_source(), found, current, [], current._play_row, [fault])
+
+    def _read_again(self) -> "Rows":
+        """Return the rows that the folder has now, with the map of their scenario loaded once."""
+        folder = self._known_source().folder
+        if folder is None:
+            raise BadValue("These rows have no folder: pass out= to run, or load a folder.")
+        plan, rows = read_rows(folder)
+        scenario = cache(self._scenario) if callable(self._scenario) else self._scenario
+        source = verification.Provenance(plan, folder)
+        return Rows(rows, plan["keys"], scenario, self._variants, self._sample, self._series, source)
+
+    def _known_source(self) -> verification.Provenance:
+        if self._source is None:
+            raise BadValue("These rows have no plan: run and load return rows that have one.")
+        return self._source
+
+    def _lines_of_series(self) -> Iterable[SeriesLine]:
+        return () if self._series is None else self._series(row["id"] for row in self._rows)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return all rows as a data frame of pandas.
@@ -343,6 +402,13 @@ class Rows(Sequence[Row]):
         """
         scenario, seed, strategies = self._game(row)
         return scenario.build(seed, strategies, vis_engine)
+
+    def _play_row(self, id: str) -> tuple[Row, list[SeriesLine]]:
+        """Play the game of a row again; return its row without the columns of the plan, and what was collected."""
+        scenario, seed, strategies = self._game(id)
+        settings = ExperimentSettings(scenario, {}, max_memory())
+        played = VariantPlayer(settings, Variant({}, {}, dict(strategies))).play([seed])
+        return played.rows[0], [*series_lines(id, played.series[0])]
 
     def _game(self, wanted: str | int) -> tuple[Scenario, int, Mapping[str, Any]]:
         if isinstance(wanted, str):

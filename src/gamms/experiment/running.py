@@ -1,4 +1,7 @@
-"""Run an experiment: hand out its games, and repeat or report games that raise or kill their process."""
+"""Run an experiment: hand out its games, and repeat or report games that raise or kill their process.
+
+Games are played in this process, in worker processes, or by an executor of the caller, such as Ray's.
+"""
 
 import os
 import time
@@ -7,13 +10,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from functools import partial
+from importlib.util import find_spec
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path, names_keywords
-from gamms.errors import BadType, BadValue, WriteConflict
+from gamms.arguments import as_bool, as_count, as_function_of, as_ids, as_mapping, as_path, names_keywords
+from gamms.errors import BadType, BadValue, MissingExtra, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.executors import InProcessExecutor, executor_for
 from gamms.experiment.games import (
     Collect,
     ExperimentSettings,
@@ -28,6 +31,7 @@ from gamms.experiment.games import (
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
+from gamms.experiment.verification import Provenance
 from gamms.folders import locked
 from gamms.limits import max_memory, refuse_above
 from gamms.plain import as_json, to_plain
@@ -38,7 +42,10 @@ from gamms.scenario import load as load_scenario
 from gamms.scenario.scenario import from_plain
 from gamms.text import printable_line, shown, without_address
 from gamms.versions import versions
-from gamms.workers import WorkerPool, cores, first_done, refuse_in_worker
+from gamms.workers import WorkerDied, WorkerPool, cores, first_done, refuse_in_worker
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 _BYTES = 3_000  # bytes of a row
 _TASK_S = 2.0  # target duration of a task
@@ -149,7 +156,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         if folder is not None and part is None:
             folders.write_rows(folder, rows, plan.keys())
         series = partial(folders.series_in, folder) if folder is not None else runner.series_of
-        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample, series)
+        source = Provenance(plan.on_disk(ids), folder)
+        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample, series, source)
 
 
 def load(
@@ -176,9 +184,7 @@ def load(
         BadFile: it is not the folder of an experiment.
     """
     where = as_path(out, "out")
-    plan = folders.read_plan(where)
-    rows = folders.rows_in(where / folders.JOURNAL, *folders.ROW)
-    folders.refuse_incomplete(where, rows, plan["rows"], plan["keys"])
+    plan, rows = folders.read_rows(where)
     if scenario is None:
         own: Scenario | Callable[[], Scenario] = partial(from_plain, plan["scenario"], folder, None, tuple(allow))
         changes = plan.get("changes", ())
@@ -190,8 +196,8 @@ def load(
     else:
         own = _as_scenario(scenario)
         variants = variants_of(own, vary)
-    known = [rows[id] for id in plan["rows"] if id in rows]
-    return Rows(known, plan["keys"], own, variants, plan["sample"], partial(folders.series_in, where))
+    series = partial(folders.series_in, where)
+    return Rows(rows, plan["keys"], own, variants, plan["sample"], series, Provenance(plan, where))
 
 
 def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
@@ -387,3 +393,66 @@ class _Runner:
 def _show(show: Show, done: int, total: int, seconds: float) -> None:
     left = seconds / done * (total - done) if done else 0.0
     show(f"{done:,} of {total:,} games, {left // 60:.0f}:{left % 60:02.0f} left")
+
+
+# -- executors --------------------------------------------------------------------------------------------------------
+
+
+def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
+    """Return the executor of a run, and whether the run has to shut it down.
+
+    Raises:
+        BadType, BadValue: `given` is not an executor.
+        MissingExtra: Ray is not installed.
+    """
+    if isinstance(given, Executor):
+        return given, False
+    if given == "ray":
+        return _on_ray(), True
+    if isinstance(given, str):
+        raise BadValue(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
+    if given is not None:
+        raise BadType(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
+    return (InProcessExecutor(), False) if workers is None else (WorkerPool(as_count(workers, "workers")), True)
+
+
+class InProcessExecutor(Executor):
+    """Runs each function in this process, as soon as it is submitted."""
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function now, and return its finished future."""
+        future: Future[T] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def _on_ray() -> Executor:
+    """Return an executor of the connected Ray cluster, or of a new one on this machine."""
+    if find_spec("ray") is None:
+        raise MissingExtra('executor="ray"', "ray")
+    import ray
+
+    is_own = not ray.is_initialized()
+    if is_own:
+        ray.init(log_to_driver=False, include_dashboard=False)
+
+    class OnRay(Executor):
+        def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+            asked = ray.remote(max_retries=0)(fn).remote(*args, **kwargs).future()
+            future: Future[T] = Future()
+            asked.add_done_callback(lambda done: _pass_on(done, future, ray.exceptions.WorkerCrashedError))
+            return future
+
+        def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - of the class
+            if is_own:
+                ray.shutdown()
+
+    return OnRay()
+
+
+def _pass_on(done: Future[T], future: Future[T], crash: type[BaseException]) -> None:
+    error = done.exception()
+    if error is None:
+        future.set_result(done.result())
+    else:
+        future.set_exception(WorkerDied("the process that played it ended") if isinstance(error, crash) else error)

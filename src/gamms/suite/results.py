@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_known, as_path
 from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
-from gamms.experiment.executors import executor_for
+from gamms.experiment.running import executor_for
 from gamms.folders import without_link
 from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
 

@@ -13,8 +13,8 @@ from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadFile, BadType, BadValue, GammsError, WriteConflict
-from gamms.experiment.executors import InProcessExecutor, executor_for
 from gamms.experiment.folders import JOURNAL, Journal, rows_in
+from gamms.experiment.running import InProcessExecutor, executor_for
 from gamms.experiment.variants import digest_of, row_id
 from gamms.folders import json_in, locked, refuse_link, without_link, write_whole
 from gamms.limits import max_memory, refuse_above

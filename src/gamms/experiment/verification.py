@@ -1,0 +1,394 @@
+"""Check the folder of an experiment: its root, the files that follow from its rows, and games that are played again.
+
+The root is one SHA-256 of what cannot be made again without playing: the plan and the rows without versions, what the
+collectors of games have collected, and the recordings in the folder. Everything else that a run writes follows from
+these, and is compared with what is made again.
+"""
+
+import hashlib
+import json
+import re
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from heapq import nsmallest
+from itertools import product, zip_longest
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_float, as_text
+from gamms.errors import BadFile, BadValue, GammsError
+from gamms.experiment import folders
+from gamms.experiment.games import Row
+from gamms.experiment.variants import row_id
+from gamms.folders import as_lines, bytes_of, lines_in, opened
+from gamms.limits import refuse_above
+from gamms.text import printable_line, shown
+
+SAMPLE = 10  # rows that are played again if a root is given
+_VERSIONS = ("gamms", "python", "numpy")  # columns of rows
+_FORMAT = "gamms experiment root 1"
+_ROOT = re.compile("[0-9a-f]{64}")
+_RECORDING = ".ggr"
+_CHUNK = 1 << 20
+_FEW = 5  # files that a sentence names
+_PYARROW = re.compile(rb"parquet-cpp-arrow version ([0-9.]{1,20})")
+_DIED = "WorkerDied: "  # begins the error of a game whose process died
+
+
+class Provenance(NamedTuple):
+    """Where rows come from.
+
+    Attributes:
+        plan: the plan of the experiment, as its file has it.
+        folder: the folder of the experiment; None: it was not written.
+    """
+
+    plan: Mapping[str, Any]
+    folder: Path | None
+
+
+class Verification(NamedTuple):
+    """The result of verifying the folder of an experiment.
+
+    Attributes:
+        root: the root of the folder.
+        rows: the number of rows in the plan.
+        played: the ids of the rows that were played again.
+        faults: a sentence for each contradiction that was found.
+        notes: sentences that say which files and values were not checked.
+    """
+
+    root: str
+    rows: int
+    played: tuple[str, ...]
+    faults: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether no fault was found."""
+        return not self.faults
+
+    def miss_probability(self, share: float) -> float:
+        """Return the probability that none of the rows that were played again is among altered ones.
+
+        The rows are drawn without replacement, so the probability is hypergeometric; (1 - share) ** K bounds it.
+
+        Args:
+            share: the share of altered rows, 0 to 1; the number of rows is rounded down, but is at least one unless the
+                share is 0.
+
+        Raises:
+            BadValue: the share is not in this range.
+        """
+        part = as_float(share, "share")
+        if not 0.0 <= part <= 1.0:
+            raise BadValue(f"share is a share of the rows, 0 to 1, not {part:g}.")
+        altered = 0 if part == 0.0 else max(int(part * self.rows), 1)
+        chance = 1.0
+        for number in range(len(self.played)):
+            chance *= max(self.rows - altered - number, 0) / (self.rows - number)
+        return chance
+
+
+# -- the root -----------------------------------------------------------------------------------------------------
+
+
+def digest_of_lines(lines: Iterable[Mapping[str, object]]) -> str:
+    """Return the SHA-256 of JSON objects without their order, and without columns of versions, in hexadecimal."""
+    parts = ({name: line[name] for name in sorted(line) if name not in _VERSIONS} for line in lines)
+    return hashlib.sha256(b"".join(sorted(as_lines([part]) for part in parts))).hexdigest()
+
+
+def find_root(source: Provenance, rows: Iterable[Row], series: Iterable[Mapping[str, object]]) -> str:
+    """Return the root of an experiment, in hexadecimal.
+
+    Raises:
+        BadFile: the folder holds a link, or folders that are nested too deeply.
+        TooLarge: the recordings have more bytes than is allowed.
+    """
+    plan = {name: value for name, value in source.plan.items() if name != "versions"}
+    parts = {
+        "format": _FORMAT,
+        "plan": {**plan, "format": folders.FORMAT},
+        "rows": digest_of_lines(rows),
+        "series": digest_of_lines(series),
+        "recordings": {} if source.folder is None else _hash_recordings(source.folder),
+    }
+    plain = json.loads(json.dumps(parts))  # as a file has it: all keys are texts, and can be sorted
+    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()
+
+
+def _hash_recordings(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each recording in a folder and below, by its path in the folder."""
+    names = [name for name in folders.files_in(folder) if name.suffix == _RECORDING]
+    refuse_above(sum((folder / name).lstat().st_size for name in names), f"Reading the recordings in {str(folder)!r}")
+    return {name.as_posix(): _hash_file(folder / name) for name in names}
+
+
+def _hash_file(file: Path) -> str:
+    digest = hashlib.sha256()
+    with opened(file, "rb") as stream:
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def as_root(given: object) -> str:
+    """Check a root that a caller gives.
+
+    Raises:
+        BadType, BadValue: it is not 64 hexadecimal digits.
+    """
+    text = as_text(given, "root").strip().lower()
+    if not _ROOT.fullmatch(text):
+        raise BadValue(
+            f"root is a SHA-256 of 64 hexadecimal digits, which gamms experiment prints, not {shown(given)} "
+            f"({len(text)} characters)."
+        )
+    return text
+
+
+# -- the folder ---------------------------------------------------------------------------------------------------
+
+PlayRow = Callable[[str], tuple[Row, Iterable[folders.SeriesLine]]]
+"""Plays the game of an id; returns its row without the columns of the plan, and what was collected."""
+
+
+def verify(
+    source: Provenance, root: str, rows: Sequence[Row], drawn: Sequence[Row], play: PlayRow, faults: Sequence[str] = ()
+) -> Verification:
+    """Check the files of a folder, and play the games of some rows again.
+
+    Args:
+        source: the plan and the folder.
+        root: the root of the folder.
+        rows: the rows of the folder, in the order of the plan.
+        drawn: the rows that are played again.
+        play: plays them.
+        faults: the faults that are known.
+
+    Raises:
+        BadFile: a file is not what a run writes.
+        TooLarge: a file would take more memory than is allowed.
+    """
+    plan = source.plan
+    folder = source.folder or Path()
+    lines = lines_in(folder / folders.JOURNAL, "a row")
+    played = [row for row in drawn if not _has_died(row)]
+    found = [
+        *faults,
+        *_faults_of_plan(folder, plan),
+        *_faults_of_spelling(folder / folders.JOURNAL, lines),
+        *_faults_of_rows(plan, rows),
+        *_faults_of_copies(folder, plan, rows),
+        *_faults_of_games(plan, folder, played, play),
+    ]
+    notes = [*_notes_of_files(folder, plan, len(lines)), *_notes_of_games(plan, drawn)]
+    ids = tuple(row["id"] for row in played)
+    return Verification(root, len({*plan["rows"]}), ids, tuple(found), tuple(notes))
+
+
+def _faults_of_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
+    """Yield a fault for each file that follows from the rows and differs from the one made again."""
+    with tempfile.TemporaryDirectory() as made:
+        for file in folders.write_rows(Path(made), rows, plan["keys"]):
+            yield from _faults_of_copy(folder / file.name, file)
+    series = folder / folders.SERIES
+    if series.exists() and bytes_of(series) != as_lines([*folders.series_in(folder, (row["id"] for row in rows))]):
+        yield f"{folders.SERIES} does not have the series of the rows, in the order of the plan, as a run writes them."
+
+
+def _faults_of_plan(folder: Path, plan: Mapping[str, Any]) -> Iterator[str]:
+    raw = json.loads(bytes_of(folder / folders.PLAN))
+    if bytes_of(folder / folders.PLAN) != folders.plan_as_bytes(raw) or not set(raw) <= set(plan):
+        yield f"{folders.PLAN} is not written as a run writes it: it has other spaces, signs or keys."
+    variants = plan["variants"]
+    count = len(variants) * len(plan["seeds"])
+    if len(plan["digests"]) != len(variants) or len(plan["rows"]) != count:
+        yield (
+            f"{folders.PLAN} has {len(variants):,} variants, {len(plan['digests']):,} digests, {len(plan['seeds']):,} "
+            f"seeds and {len(plan['rows']):,} rows, which do not fit together."
+        )
+        return
+    games = product(zip(plan["digests"], variants, strict=True), plan["seeds"])
+    for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=True):
+        expected = row_id(digest, settings, plan["collect"], seed)
+        if id != expected:
+            yield f"{folders.PLAN} names the row {shown(id)} for seed {seed}, whose id is {expected}."
+
+
+def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> Iterator[str]:
+    """Yield a fault if a file of JSON lines has other bytes than GAMMS writes for its values."""
+    found = bytes_of(file).splitlines(keepends=True)
+    for number, (line, value) in enumerate(zip_longest(found, lines), 1):
+        if value is None or line != as_lines([value]):
+            yield f"{file.name}, line {number}, is not written as a run writes it: it is torn, or has other signs."
+            return
+
+
+def _faults_of_rows(plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
+    by_id = {row["id"]: row for row in rows}
+    games = product(zip(plan["digests"], plan["variants"], strict=False), plan["seeds"])
+    missing = []
+    for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=False):
+        row = by_id.get(id)
+        if row is None:
+            missing.append(id)
+            continue
+        expected = {"scenario": digest, **plan["versions"], **settings, "seed": seed}
+        yield from _differences(row, expected, expected, "and the plan says")
+    if missing:
+        yield f"{len(missing):,} of {len(plan['rows']):,} rows are missing, such as {missing[0]}: run to the end."
+
+
+def _differences(row: Row, expected: Mapping[str, Any], columns: Iterable[str], whence: str) -> Iterator[str]:
+    """Yield a fault for each column in which a row differs from expected values."""
+    for column in columns:
+        found = row.get(column)
+        if as_lines([{"value": found}]) != as_lines([{"value": expected.get(column)}]):
+            yield f"{_name_row(row)}: {column} is {shown(found)}, {whence} {shown(expected.get(column))}."
+
+
+def _name_row(row: Row) -> str:
+    return printable_line(f"Row {row['id']} (seed {row.get('seed')})")
+
+
+def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
+    """Yield a fault if a file that follows from the rows differs from the one made again."""
+    if not file.exists() and not file.is_symlink():
+        return
+    data = expected.read_bytes()
+    try:
+        if bytes_of(file, most=len(data)) == data:
+            return
+    except BadFile as error:
+        yield f"{error} A run writes a file of {len(data):,} bytes."
+        return
+    if file.suffix == ".jsonl":
+        yield from _faults_of_lines(file, expected)
+    elif file.suffix != ".parquet" or _writer_of(file) in (None, _writer_of(expected)):
+        yield f"{file.name} differs from the file made again from the rows{_first_difference(file, data)}."
+
+
+def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
+    try:
+        found = lines_in(file, "a row", folders.RowWithId)
+    except BadFile as error:
+        yield str(error)
+        return
+    made = lines_in(expected, "a row", folders.RowWithId)
+    if len(found) != len(made):
+        yield f"{file.name} has {len(found):,} rows, and the journal {len(made):,} of them."
+        return
+    faults = list[str]()
+    for one, other in zip(found, made, strict=True):
+        columns = dict.fromkeys([*other, *one])
+        faults += _differences(one, other, columns, f"in {file.name}, and the journal says")
+    yield from faults or _faults_of_spelling(file, made)
+
+
+def _first_difference(file: Path, expected: bytes) -> str:
+    """Return a text that says in which line of a text file the first difference is; nothing for other files."""
+    if file.suffix != ".csv":
+        return ""
+    pairs = zip_longest(bytes_of(file).splitlines(), expected.splitlines(), fillvalue=b"")
+    for number, (found, made) in enumerate(pairs, 1):
+        if found != made:
+            texts = (shown(one.decode(errors="replace")) for one in (found, made))
+            return ", line {}: it is {}, and the rows give {}".format(number, *texts)
+    return ", in the ends of its lines"
+
+
+def _writer_of(file: Path) -> str | None:
+    """Return the version of pyarrow that a Parquet file names as its writer; None: it names none."""
+    found = _PYARROW.search(bytes_of(file)[-_CHUNK:])
+    return None if found is None else found[1].decode()
+
+
+def _notes_of_files(folder: Path, plan: Mapping[str, Any], lines: int) -> Iterator[str]:
+    """Yield sentences about the content of a folder that verification does not check.
+
+    Args:
+        folder: the folder of the experiment.
+        plan: its plan.
+        lines: the number of lines of its journal.
+    """
+    extra = lines - len({*plan["rows"]})
+    if extra > 0:
+        yield f"{folders.JOURNAL} has {extra:,} lines that belong to no row of the plan."
+    derived = ("rows.jsonl", "rows.csv", "rows.parquet")
+    checked = {folders.PLAN, folders.JOURNAL, folders.SERIES, *derived}
+    others = [one for one in folders.files_in(folder) if one.suffix != _RECORDING and one.as_posix() not in checked]
+    if others:
+        names = ", ".join(printable_line(one.as_posix()) for one in others[:_FEW])
+        more = f" and {len(others) - _FEW:,} more" if len(others) > _FEW else ""
+        yield f"Neither the root nor the rows cover these files: {names}{more}."
+    absent = [name for name in derived if not (folder / name).exists()]
+    if absent:
+        yield f"The folder has no {', '.join(absent)} to compare."
+    yield from _note_of_parquet(folder / "rows.parquet")
+
+
+def _note_of_parquet(file: Path) -> Iterator[str]:
+    if not file.exists():
+        return
+    version = folders.find_parquet_version()
+    if version is None:
+        yield f'{file.name} was not compared, because pyarrow is not installed: pip install ".[parquet]".'
+        return
+    writer = _writer_of(file)
+    if writer not in (None, version):
+        yield (
+            f"{file.name} was not compared: it names pyarrow {writer} as its writer, and other versions write other "
+            f"bytes than {version}. Install that version, or use rows.csv."
+        )
+
+
+# -- games --------------------------------------------------------------------------------------------------------
+
+
+def draw_rows(root: str, seed: int, rows: Sequence[Row], count: int) -> list[Row]:
+    """Draw rows without replacement; the same root and seed draw the same rows on every machine."""
+    by_id = {row["id"]: row for row in rows}
+    keys = {id: hashlib.sha256(f"{root}/{seed}/{id}".encode()).digest() for id in by_id}
+    return [by_id[id] for id in nsmallest(count, keys, keys.__getitem__)]
+
+
+def _faults_of_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> Iterator[str]:
+    """Play the games of rows again, and yield a fault for each value that differs."""
+    given = {"id", "scenario", "seed", *_VERSIONS, *plan["keys"], *(f"collector.{name}" for name in plan["collect"])}
+    for row in rows:
+        try:
+            played, series = play(row["id"])
+        except (GammsError, OSError) as error:
+            yield f"{_name_row(row)} could not be played again: {error}"
+            continue
+        columns = [name for name in dict.fromkeys([*row, *played]) if name not in given]
+        yield from _differences(row, played, columns, "and played again")
+        yield from _differing_series(row, folders.series_in(folder, [row["id"]]), series)
+
+
+def _differing_series(
+    row: Row, found: Iterable[folders.SeriesLine], made: Iterable[folders.SeriesLine]
+) -> Iterator[str]:
+    by_name = {line["name"]: as_lines([line]) for line in found}
+    again = {line["name"]: as_lines([line]) for line in made}
+    for name in dict.fromkeys([*by_name, *again]):
+        if by_name.get(name) != again.get(name):
+            yield f"{_name_row(row)}: the series {shown(name)} is another one when the game is played again."
+
+
+def _notes_of_games(plan: Mapping[str, Any], rows: Iterable[Row]) -> Iterator[str]:
+    """Yield sentences about values of rows that playing a game again does not check."""
+    if plan["collect"]:
+        names = ", ".join(f"collector.{name}" for name in plan["collect"])
+        yield printable_line(f"A program computed {names}: games that are played again do not check them.")
+    died = [row["id"] for row in rows if _has_died(row)]
+    if died:
+        yield f"{len(died):,} drawn rows were not played again, because their process died: {', '.join(died[:_FEW])}."
+
+
+def _has_died(row: Row) -> bool:
+    """Return whether the process that played the game of a row died."""
+    return str(row.get("error") or "").startswith(_DIED)
