@@ -1,12 +1,13 @@
 """Agents that obey turn restrictions: what is legal follows from the edges by which they came."""
 
 import random
+from itertools import product
 
 import numpy as np
 import pytest
 
 import gamms
-from gamms import belief, rl, solve, strategies
+from gamms import belief, planning, rl, solve, strategies
 from gamms.errors import BadType, BadValue, NoPath
 from gamms.game import IllegalAction
 from gamms.rules import Conflicts, tag
@@ -473,9 +474,7 @@ def test_the_nearest_enemy_is_chased_in_whatever_order_edges_were_added():
         assert chaser.current_node_id == 1
 
 
-@pytest.mark.parametrize(
-    "make", [strategies.intercept, strategies.follow_belief, lambda ctx: strategies.safest_exit(ctx, [2])]
-)
+@pytest.mark.parametrize("make", [strategies.intercept, lambda ctx: strategies.safest_exit(ctx, [2])])
 def test_strategies_that_do_not_know_turns_refuse(corner, make):
     eyes = {"eyes": gamms.sensor.agent_range(range_m=100)}
     corner.agent.create_agent("car", start_node_id=0, mode=CAR, team="a", strategy=make(corner), sensors=eyes)
@@ -543,13 +542,112 @@ def test_array_strategies_see_the_legal_nodes_by_the_edges_driven(town):
         alone.play(seed=1, strategies={"cars": towards_three})
 
 
-def test_exact_pursuers_refuse_agents_that_obey_turns(corner):
-    corner.game.order = [["cop"], ["prey"]]
-    exact = solve.exact_pursuers(corner)
-    corner.agent.create_agent("a", start_node_id=0, team="cop", mode=CAR, strategy=exact)
-    corner.agent.create_agent("b", start_node_id=2, team="prey", mode=CAR, strategy=strategies.random_walk)
-    with pytest.raises(BadValue, match="does not know turn restrictions"):
-        corner.game.step()
+def draw_block(seed, columns):
+    """Return the roads of two rows of nodes with one parallel road, as `draw_roads` does."""
+    draw = random.Random(seed)
+    pairs = [(i, i + 1) for i in range(2 * columns - 1) if i % columns < columns - 1]
+    pairs += [(i, i + columns) for i in range(columns)]
+    ends = [*pairs, *(pair[::-1] for pair in pairs), (0, 1)]
+    leaving = {node: [id for id, (source, _) in enumerate(ends) if source == node] for node in range(2 * columns)}
+    roads = {}
+    for id, (source, target) in enumerate(ends):
+        rests = [[after] for after in leaving[target] if draw.random() < 0.3]
+        after = draw.choice(leaving[target])
+        roads[id] = source, target, True, [*rests, [after, draw.choice(leaving[ends[after][1]])]]
+    return roads
+
+
+def count_moves_to_capture(roads, start, obeying):
+    """Return the number of moves until cops, who move first, catch the last agent; None: they cannot force it.
+
+    A plain enumeration of (node, the last two edges) of each agent; cops may differ in whether they obey turns.
+    """
+    lengths = dict.fromkeys(roads, 10.0)
+
+    def list_moves(place, obeys):
+        node, driven = place
+        edges = list_legal(roads, lengths, [*driven] if obeys else [], node)
+        return [place, *((roads[edge][1], (*driven, edge)[-2:] if obeys else ()) for edge in edges)]
+
+    def list_positions(position):
+        side, places = position
+        if places[-1][0] in [node for node, _ in places[:-1]]:
+            return []
+        moving = range(len(places) - 1) if side == 0 else [len(places) - 1]
+        ways = [list_moves(one, obeying[i]) if i in moving else [one] for i, one in enumerate(places)]
+        return [(1 - side, after) for after in product(*ways)]
+
+    first = 0, tuple((node, ()) for node in start)
+    after = {}
+    waiting = [first]
+    while waiting:
+        position = waiting.pop()
+        if position not in after:
+            after[position] = list_positions(position)
+            waiting += after[position]
+    moves = {position: 0 for position, ways in after.items() if not ways}
+    for count in range(1, len(after)):
+        new = [
+            position
+            for position, ways in after.items()
+            if position not in moves and (any, all)[position[0]](way in moves for way in ways)
+        ]
+        if not new:
+            return moves.get(first)
+        moves |= dict.fromkeys(new, count)
+    return moves.get(first)
+
+
+@pytest.mark.parametrize(
+    ("seed", "columns", "obeying", "starts"),
+    [
+        (3, 3, (True, True), [(0, 5), (4, 2)]),
+        (10, 3, (True, True), [(0, 5), (4, 2)]),
+        (4, 3, (False, True), [(0, 5), (4, 2)]),
+        (2, 2, (True, True, True), [(0, 1, 3), (2, 2, 1)]),
+        (3, 2, (True, False, True), [(0, 1, 3), (2, 2, 1)]),
+    ],
+)
+def test_exact_play_of_agents_that_obey_turns_is_that_of_a_plain_enumeration(tmp_path, seed, columns, obeying, starts):
+    roads = draw_block(seed, columns)
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes(range(2 * columns), [i % columns for i in range(2 * columns)], [0.0] * 2 * columns)
+        for id, (source, target, _, forbidden) in roads.items():
+            signs = {"forbidden_turns": {"drive": forbidden}} if forbidden else {}
+            ctx.graph.add_edge({"id": id, "source": source, "target": target, "length": 10.0, "drive": True, **signs})
+        ctx.graph.save(tmp_path / "block.gamms")
+    modes = [{"attribute": "drive", "turns": obeys} for obeys in obeying]
+
+    def run_anywhere(state):
+        state["action"] = {"edge": state.rng.choice(state.legal_edges)} if state.legal_edges else state.curr_pos
+
+    ends = set()
+    for start in starts:
+        *cops, prey = [{"node": node, "mode": mode} for node, mode in zip(start, modes, strict=True)]
+        scene = Scenario(
+            map={"file": "block.gamms"},
+            folder=tmp_path,
+            teams={
+                "cops": {"agents": [{"name": f"cop_{i}", **cop} for i, cop in enumerate(cops)]},
+                "prey": {"agents": [{"name": "prey", **prey}]},
+            },
+            rules=[{"rule": "tag", "with": {"taggers": "cops", "tagged": "prey", "then": "eliminate"}}, "last_team"],
+            settings={"order": [["cops"], ["prey"]]},
+            max_turns=12,
+        )
+        moves = count_moves_to_capture(roads, start, obeying)
+        exact = {"cops": solve.exact_pursuers, "prey": solve.exact_evader}
+        played = scene.play(strategies=exact)
+        assert played.errors == []
+        assert (played.turns, played.winner) == ((12, None) if moves is None else ((moves + 1) // 2, "cops"))
+        ends.add(moves)
+        with scene.batch(2, strategies=exact | {"prey": run_anywhere}) as games:
+            games.run()
+            for number, one in enumerate(games.seeds):
+                result = games.result(number)
+                assert result == scene.play(seed=one, strategies=exact | {"prey": run_anywhere})
+                assert moves is None or result.turns <= (moves + 1) // 2
+    assert len(ends) > 1
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -588,22 +686,129 @@ def test_where_an_agent_can_be_follows_from_the_edges_that_it_can_have_driven(se
         assert len(sizes) > 3
 
 
-def test_beliefs_about_agents_that_obey_turns_have_no_probabilities_and_ignore_turns_with_speeds(corner):
-    asked = [lambda found: found.probability("car"), lambda found: reached.append(found.reachable("car", speed=2.0))]
-    reached = []
-    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+def walk_by_chance(roads, lengths, chances):
+    """Return the probabilities of (node, edges driven) after a random move, each neighbor and none equally likely."""
+    found = dict.fromkeys(chances, 0.0)
+    for (node, driven), chance in chances.items():
+        edge_to = {}
+        for edge in list_legal(roads, lengths, [*driven], node):
+            known = edge_to.get(roads[edge][1], edge)
+            edge_to[roads[edge][1]] = min((lengths[edge], edge), (lengths[known], known))[1]
+        share = chance / (1 + len(edge_to))
+        found[node, driven] += share
+        for edge in edge_to.values():
+            after = roads[edge][1], (*driven, edge)[-2:]
+            found[after] = found.get(after, 0.0) + share
+    return found
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_probabilities_of_an_agent_that_obeys_turns_are_those_of_a_plain_filter_over_the_edges_driven(seed):
+    roads = draw_roads(seed)
+    with open_town(roads, seed) as ctx:
+        lengths = {id: ctx.graph.get_edge(id).length for id in roads}
+        watcher = ctx.agent.create_agent("watcher", start_node_id=5, team="a")
+        watcher.register_sensor("eyes", ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=11.0))
+        ctx.agent.create_agent("car", start_node_id=6, team="b", mode=CAR, strategy=strategies.random_walk)
+        in_view = {4, 5, 6, 1, 9}
+        anywhere = {(node, ()): 1.0 for node in range(SIDE * SIDE)}
+        known = anywhere
+        hidden = 0
+
+        def watch(state):
+            nonlocal known, hidden
+            state["action"] = state.curr_pos
+            seen = state.sensors["eyes"].get("car")
+            before = walk_by_chance(roads, lengths, known) if state.turn else known
+            possible = set(range(SIDE * SIDE)) - in_view if seen is None else {seen}
+            known = {key: chance for key, chance in before.items() if key[0] in possible and chance > 0.0}
+            known = known or {key: chance for key, chance in anywhere.items() if key[0] in possible}
+            total = sum(known.values())
+            known = {key: chance / total for key, chance in known.items()}
+            by_node = {}
+            for (node, _), chance in known.items():
+                by_node[node] = by_node.get(node, 0.0) + chance
+            found = belief.observe(ctx, state)
+            assert found.probability("car") == pytest.approx(by_node)
+            assert by_node.keys() <= found.reachable("car")
+            hidden += seen is None
+
+        watcher.strategy = watch
+        for _ in range(20):
+            ctx.game.step()
+        assert ctx.game.errors == []
+        assert 3 < hidden < 20
+
+
+def test_a_target_with_a_goal_is_believed_on_the_shortest_route_that_obeys_turns(corner):
+    chances = []
 
     def watch(state):
         state["action"] = state.curr_pos
-        asked[0](belief.observe(corner, state))
+        known = belief.observe(corner, state)
+        chances.append(known.probability("car", belief.to_goals([3], wander=0.0)))
 
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
     corner.agent.create_agent("watcher", start_node_id=0, team="a", strategy=watch, sensors=eyes)
-    corner.agent.create_agent("car", start_node_id=3, team="b", mode=CAR, strategy=strategies.random_walk)
-    with pytest.raises(BadValue, match="does not know turn restrictions"):
+    corner.agent.create_agent("car", start_node_id=0, team="b", mode=CAR, strategy=strategies.goto(corner, 3))
+    for _ in range(5):
         corner.game.step()
-    del asked[0]
-    corner.game.step()
-    assert reached == [{1, 2, 3}]
+    assert chances == [{0: 1.0}, {1: 1.0}, {2: 1.0}, {1: 1.0}, {3: 1.0}]
+
+
+def test_by_metres_a_target_that_obeys_turns_is_believed_on_the_edges_of_its_route(corner):
+    corner.game.speed_unit = "metres"
+    chances = []
+
+    def watch(state):
+        state["action"] = None
+        known = belief.observe(corner, state)
+        chances.append((known.probability("car", belief.to_goals([3], wander=0.0)), known.reachable("car")))
+
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+    corner.agent.create_agent("watcher", start_node_id=0, team="a", strategy=watch, sensors=eyes)
+    car = corner.agent.create_agent("car", start_node_id=0, team="b", mode=CAR, speed=5.0)
+    car.strategy = strategies.goto(corner, 3)
+    for _ in range(9):
+        corner.game.step()
+    # 10 metres along each of the edges 0, 2, 3 and 4; an agent on an edge counts for the node behind it
+    assert [found for found, _ in chances] == [{node: 1.0} for node in (0, 0, 1, 1, 2, 2, 1, 1, 3)]
+    assert chances[-1][1] == {0, 1, 2, 3}  # turns exclude nothing of agents with a speed
+
+
+def test_a_searcher_that_obeys_turns_follows_its_belief_about_a_target_that_does(corner):
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+    searcher = corner.agent.create_agent("car", start_node_id=0, mode=CAR, team="a", sensors=eyes)
+    searcher.strategy = strategies.follow_belief(corner, motion=belief.random_walk(stay=1.0))
+    corner.agent.create_agent("prey", start_node_id=3, team="b", mode=CAR, strategy=strategies.stay)
+    places = []
+    for _ in range(7):
+        corner.game.step()
+        places.append(searcher.current_node_id)
+    assert places[-1] == 3
+    assert corner.game.errors == []
+
+
+def test_a_planner_places_agents_that_obey_turns_where_their_turns_can_have_led_them(corner):
+    placed = {"mate": set(), "prey": set()}
+
+    def plan(state):
+        state["action"] = state.curr_pos
+        model = planning.Model(state, opponents="gamms.strategies:random_walk", rollout="gamms.strategies:random_walk")
+        for number in range(30 if state.turn == 2 else 0):
+            model.sample(number)
+            for name, nodes in placed.items():
+                nodes.add(model.ctx.agent.get_agent(name).current_node_id)
+            model.play(1, {})
+
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=1.0)}
+    corner.agent.create_agent("planner", start_node_id=0, team="a", strategy=plan, sensors=eyes)
+    for name, team in (("mate", "a"), ("prey", "b")):
+        car = corner.agent.create_agent(name, start_node_id=0, team=team, mode=CAR)
+        car.strategy = strategies.follow_path(corner, [1, 2])
+    for _ in range(3):
+        corner.game.step()
+    assert placed == {"mate": {0, 1, 2}, "prey": {1, 2}}  # node 3 is two edges away, behind a forbidden turn
 
 
 def test_the_mode_says_in_all_forms_that_turns_count(corner, town):

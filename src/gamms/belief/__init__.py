@@ -12,9 +12,9 @@ Memories hold only observations (`evidence.py`): beliefs are computed from these
 teammates are merged by merging observations, and a recording grows by one line per agent and turn. `Filter` computes
 probabilities without memories, for many targets at once, `GamesFilter` for many games.
 
-Read `belief.py` first. `reach.py` computes where targets can be, `filter.py` and `motion.py` where they probably are,
-and `teams.py` the beliefs of teams in batches; all use `gamms.core.belief`. To add a model of motion, write a function
-in `motion.py`. May import: `context` and below.
+Read `belief.py` first. `ground.py` has the map, `reach.py` computes where targets can be, `filter.py` and `motion.py`
+where they probably are; all use `gamms.core.belief`. To add a model of motion, write a function in `motion.py`.
+May import: `context` and below.
 """
 
 from gamms.belief.belief import Belief, artist, belief_of, believed, observe

@@ -254,8 +254,10 @@ class Belief:
 
     def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None, mode: str | None) -> FloatArray:
         """Return the probability of each node (targets, nodes), for targets of equal speed and mode."""
-        ground = self._map_of(mode)
-        chain = chain_of(model, ground, metres)
+        attribute, obeys_turns = (None, False) if mode is None else split_mode(mode)
+        turns = attribute if obeys_turns else None
+        ground = self._map_of(None if obeys_turns else mode)
+        chain = chain_of(model, ground, metres, turns)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
             return chain.predicted(masses, model.steps)
@@ -264,7 +266,7 @@ class Belief:
             found: FloatArray = chain.observed(masses[None], *_observed(ground, names, seen, metres or 0.0))[0][0]
             return found
 
-        key = ("probable", ground.digest, names, model.name, model.steps, metres)
+        key = ("probable", ground.digest, names, model.name, model.steps, metres, turns)
         start = np.tile(chain.shares / ground.size, (len(names), 1))
         return chain.of_nodes(self._folded(key, start, move, look))
 

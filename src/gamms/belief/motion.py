@@ -1,7 +1,8 @@
 """Models of the motion of targets, as Markov chains on a map.
 
-A model may have a hidden part, for example the goal of the target: then a state of its chain is a node together with
-this part, and observations give information about both.
+A model may have a hidden part, for example the goal of the target: then a state of its chain is a place together with
+this part, and observations give information about both. Of targets that obey turn restrictions, the edge by which they
+came is a part of the place.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -13,7 +14,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_mapping
-from gamms.belief.ground import BeliefMap
+from gamms.belief.ground import BeliefMap, MoveMap, map_moves
 from gamms.core import belief as core
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
@@ -26,12 +27,12 @@ _ROUNDED = 1e-9
 
 
 class Transitions(NamedTuple):
-    """The transitions of a model between states; each state is on a node."""
+    """The transitions of a model between states; each state is at a place of a `MoveMap`."""
 
     sources: IntArray  # (transitions,) states
     targets: IntArray  # (transitions,) states
     chances: FloatArray  # (transitions,) probabilities; they add up to 1 for each source
-    rows: IntArray  # (states,) of nodes
+    places: IntArray  # (states,)
     shares: FloatArray  # (states,) initial probability of each state among those on its node
 
 
@@ -40,21 +41,23 @@ class MotionChain:
 
     Args:
         found: the transitions.
-        ground: the map.
+        moves: the places and the map.
         parts: in games by metres, the edges and offsets of the states; see below.
 
     Attributes:
-        rows, shares: see `Transitions`.
+        rows: (states,) the rows of the nodes of the states.
+        shares: see `Transitions`.
         edges: (states,) rows of the edges of the targets; -1: on the node.
         ends: (states,) rows of the end nodes of these edges; -1: on the node.
         ways: the transitions in the core.
         core: the states in the core.
     """
 
-    def __init__(self, found: Transitions, ground: BeliefMap, parts: tuple[IntArray, FloatArray] | None = None) -> None:
-        self.rows = found.rows
+    def __init__(self, found: Transitions, moves: MoveMap, parts: tuple[IntArray, FloatArray] | None = None) -> None:
+        ground = moves.ground
+        self.rows: IntArray = moves.nodes[found.places]
         self.shares = found.shares
-        states = len(found.rows)
+        states = len(found.places)
         self.edges: IntArray = np.full(states, -1) if parts is None else parts[0]
         offsets_m: FloatArray = np.zeros(states) if parts is None else parts[1]
         self.ends: IntArray = np.full(states, -1)
@@ -64,7 +67,7 @@ class MotionChain:
         self.ways = core.IncomingArcs(
             *map(kernels.buffer, kernels.ways_to(found.sources, found.targets, found.chances, states))
         )
-        first_on, states_on = kernels.group_rows(found.rows, ground.size)
+        first_on, states_on = kernels.group_rows(self.rows, ground.size)
         self.core = core.MarkovChain(
             kernels.buffer(self.shares),
             kernels.buffer(first_on.astype(np.int32)),
@@ -166,12 +169,12 @@ class Motion:
     Attributes:
         name: name and parameters of the model; models of equal name are equal.
         steps: number of moves per turn; in games by metres, the maximum number of decisions.
-        make: function from a map to the transitions of one step; called by beliefs and filters.
+        make: function from the moves on a map to the transitions of one step; called by beliefs and filters.
     """
 
     name: Hashable
     steps: int
-    make: Callable[[BeliefMap], Transitions] = field(compare=False, repr=False)
+    make: Callable[[MoveMap], Transitions] = field(compare=False, repr=False)
 
 
 def as_motion(value: object, name: str) -> Motion:
@@ -224,9 +227,9 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
     return Motion(name, as_count(steps, "steps of to_goals"), partial(_paths, tuple(ids), shares, share))
 
 
-def _paths(goals: Sequence[int], shares: list[float], wander: float, ground: BeliefMap) -> Transitions:
-    rows = ground.known_rows(np.array(goals, np.int64)).tolist()
-    return _joined([_path(ground, row, wander) for row in rows], shares)
+def _paths(goals: Sequence[int], shares: list[float], wander: float, moves: MoveMap) -> Transitions:
+    rows = moves.ground.known_rows(np.array(goals, np.int64)).tolist()
+    return _joined([_path(moves, row, wander) for row in rows], shares)
 
 
 def mixture(models: Mapping[Motion, float]) -> Motion:
@@ -248,32 +251,40 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
     return Motion(name, steps.pop(), partial(_mixed, tuple(models), shares))
 
 
-def _mixed(models: Sequence[Motion], shares: list[float], ground: BeliefMap) -> Transitions:
-    return _joined([one.make(ground) for one in models], shares)
+def _mixed(models: Sequence[Motion], shares: list[float], moves: MoveMap) -> Transitions:
+    return _joined([one.make(moves) for one in models], shares)
 
 
 @lru_cache(maxsize=32)
-def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None) -> MotionChain:
-    """Return the chain of a model on a map, cached; in games by metres, with states on edges."""
-    found = motion.make(ground)
-    return MotionChain(found, ground) if metres is None else _by_metres(found, ground, metres / motion.steps)
+def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None, turns: str | None = None) -> MotionChain:
+    """Return the chain of a model on a map, cached.
+
+    Args:
+        motion: the model.
+        ground: the map.
+        metres: the distance per turn in games by metres, with states on edges; None: targets are on nodes only.
+        turns: the mode of targets that obey turn restrictions; see `map_moves`.
+    """
+    moves = map_moves(ground, turns)
+    found = motion.make(moves)
+    return MotionChain(found, moves) if metres is None else _by_metres(found, moves, metres / motion.steps)
 
 
-def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> MotionChain:
+def _by_metres(found: Transitions, moves: MoveMap, step_m: float) -> MotionChain:
     """Return a chain with states along edges: each step leads to a node, or on along an edge.
 
     A target that reaches a node within a step decides again in the next step.
     """
-    here = np.arange(len(found.rows))
-    number = len(found.rows)
+    here = np.arange(len(found.places))
+    number = len(found.places)
     if step_m <= 0.0:
-        return MotionChain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
+        return MotionChain(found._replace(sources=here, targets=here, chances=np.ones(number)), moves)
     pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
     chances = np.bincount(which, found.chances)
     sources = pairs // number
     targets = pairs % number
-    edges = ground.shortest_edges(found.rows[sources], found.rows[targets])
-    lengths = np.where(edges >= 0, ground.columns.lengths[edges], 0.0)
+    edges = moves.find_edges(found.places[sources], found.places[targets])
+    lengths = np.where(edges >= 0, moves.ground.columns.lengths[edges], 0.0)
     between = np.clip(np.ceil(lengths / step_m - _ROUNDED) - 1.0, 0.0, _MOST_PARTS).astype(np.int64)
     first = number + np.cumsum(between) - between  # first state of each edge
     parts = number + np.arange(between.sum())
@@ -283,47 +294,45 @@ def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> MotionCh
         np.concatenate((sources, parts)),
         np.concatenate((np.where(between, first, targets), np.where(is_last, targets[edge_of], parts + 1))),
         np.concatenate((chances, np.ones(len(parts)))),
-        np.concatenate((found.rows, found.rows[sources[edge_of]])),
+        np.concatenate((found.places, found.places[sources[edge_of]])),
         np.concatenate((found.shares, np.zeros(len(parts)))),
     )
     offsets = (parts - first[edge_of] + 1) * step_m
     places = np.concatenate((np.full(number, -1), edges[edge_of])), np.concatenate((np.zeros(number), offsets))
-    return MotionChain(longer, ground, places)
+    return MotionChain(longer, moves, places)
 
 
-def _walk(ground: BeliefMap, stay: float | None) -> Transitions:
-    sources, targets = ground.ways
-    here = np.arange(ground.size)
-    ways = np.bincount(sources, minlength=ground.size)
+def _walk(moves: MoveMap, stay: float | None) -> Transitions:
+    sources = moves.starts
+    here = np.arange(len(moves.nodes))
+    ways = np.bincount(sources, minlength=len(here))
     stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
     chances = np.concatenate((stays, ((1.0 - stays) / np.maximum(ways, 1))[sources]))
-    ends = np.concatenate((here, sources)), np.concatenate((here, targets))
-    return Transitions(*ends, chances, here, np.ones(ground.size))
+    ends = np.concatenate((here, sources)), np.concatenate((here, moves.ends))
+    return Transitions(*ends, chances, here, moves.shares)
 
 
-def _path(ground: BeliefMap, goal: int, wander: float) -> Transitions:
-    columns = ground.columns
-    arcs = kernels.make_arcs(columns.targets, columns.sources, columns.lengths, ground.size)
-    _, (steps,) = kernels.route_tables(arcs, np.array([goal]), columns.node_ids)
-    steps[goal] = goal
-    walk = _walk(ground, None)
+def _path(moves: MoveMap, goal: int, wander: float) -> Transitions:
+    steps = moves.find_steps(goal)
+    is_there: BoolArray = moves.nodes == goal
+    walk = _walk(moves, None)
     is_led = steps >= 0
     at_random = walk.chances * np.where(is_led, wander, 1.0)[walk.sources]
-    at_random = np.where(walk.sources == goal, walk.sources == walk.targets, at_random)
-    led = np.flatnonzero(is_led & (np.arange(ground.size) != goal))
+    at_random = np.where(is_there[walk.sources], walk.sources == walk.targets, at_random)
+    led = np.flatnonzero(is_led & ~is_there)
     ends = np.concatenate((walk.sources, led)), np.concatenate((walk.targets, steps[led]))
     chances = np.concatenate((at_random, np.full(len(led), 1.0 - wander)))
-    return Transitions(*ends, chances, walk.rows, walk.shares)
+    return Transitions(*ends, chances, walk.places, walk.shares)
 
 
 def _joined(chains: list[Transitions], shares: list[float]) -> Transitions:
     """Return one chain that consists of several chains without transitions between them."""
-    first = np.cumsum([0, *(len(chain.rows) for chain in chains)])[:-1].tolist()
+    first = np.cumsum([0, *(len(chain.places) for chain in chains)])[:-1].tolist()
     return Transitions(
         np.concatenate([chain.sources + begin for chain, begin in zip(chains, first, strict=True)]),
         np.concatenate([chain.targets + begin for chain, begin in zip(chains, first, strict=True)]),
         np.concatenate([chain.chances for chain in chains]),
-        np.concatenate([chain.rows for chain in chains]),
+        np.concatenate([chain.places for chain in chains]),
         np.concatenate([chain.shares * share for chain, share in zip(chains, shares, strict=True)]),
     )
 

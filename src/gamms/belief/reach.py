@@ -15,9 +15,9 @@ import numpy as np
 
 from gamms import kernels
 from gamms.belief.evidence import ExactPosition, Observation, ObservedNodes
-from gamms.belief.ground import Arc, BeliefMap
+from gamms.belief.ground import Arc, BeliefMap, map_moves
 from gamms.core import belief as core
-from gamms.ir.graph import FloatArray, IntArray, find_usable_edges, forbidden_paths
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
 _ROUNDED = 1e-6  # of metres: tolerance for the distance that an agent was seen to move
@@ -131,9 +131,8 @@ def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _Ope
 class ReachByTurns:
     """The states of traffic, (targets, states) masks, that targets who obey turn restrictions can be in.
 
-    They move along one edge per turn. The states are those of `kernels.turn_states`, and then one for each node: an
-    agent there may take any edge, because it begins there, or it is not known by which edge it came. So a sighting
-    says on which node a target is, and nothing of the edge by which it came.
+    They move along one edge per turn. The states are the places of `map_moves`. A sighting says on which node a target
+    is, and nothing of the edge by which it came.
 
     Args:
         ground: the map.
@@ -144,13 +143,10 @@ class ReachByTurns:
     def __init__(self, ground: BeliefMap, number: int, mode: str) -> None:
         self._ground = ground
         self._number = number
-        states = _turn_states_of(ground, mode)
-        columns = ground.columns
-        edges = np.flatnonzero(find_usable_edges(columns, mode))
-        self._first = len(states.edges)  # the state of traffic that begins on the first node
-        self._node_of = np.concatenate((columns.targets[states.edges], np.arange(ground.size)))
-        self._starts = np.concatenate((states.starts, self._first + columns.sources[edges]))
-        self._ends = np.concatenate((states.ends, edges))
+        moves = map_moves(ground, mode)
+        self._node_of = moves.nodes
+        self._first = moves.begin_on(0)  # the states from this one on are those of traffic that begins on its node
+        self._starts, self._ends = moves.arcs
 
     def anywhere(self) -> BoolArray:
         """Return the states of targets that can be on any node."""
@@ -188,17 +184,6 @@ class ReachByTurns:
         lines, places = np.nonzero(states)
         found[lines, self._node_of[places]] = True
         return found
-
-
-@lru_cache(maxsize=8)
-def _turn_states_of(ground: BeliefMap, mode: str) -> kernels.TurnStates:
-    """Return the states of traffic of a mode that obeys the turn restrictions of a map."""
-    columns = ground.columns
-    row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-    paths = forbidden_paths(columns).get(mode, [])
-    forbidden = kernels.ForbiddenPaths(tuple(row_of[id] for id in path) for path in paths)
-    is_open = find_usable_edges(columns, mode)
-    return kernels.turn_states(columns.sources, columns.targets, columns.lengths, is_open, forbidden)
 
 
 def _certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:

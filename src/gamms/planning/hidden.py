@@ -1,15 +1,16 @@
 """Sample the positions of agents that are out of sight, from the observations of the planning agents and their team."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from gamms import belief, kernels
+from gamms.belief.ground import belief_map_of, map_moves
 from gamms.context import Context
 from gamms.game.movement.travel import graph_of
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, split_mode
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import State
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
@@ -83,12 +84,27 @@ class HiddenPositions:
         name = kernels.name_key(mate.name)
         if seen is None or not self._ctx.graph.graph.has_node(seen.node):
             return int(self._node_ids[kernels.below(kernels.draw_bits(key, name, 0), len(self._node_ids))])
+        steps = min(self._turn - seen.turn, _MOST_STEPS)
+        draws = (kernels.draw_bits(key, name, 0, step) for step in range(steps))
+        mode = getattr(mate, "mode", None)
+        if mode is not None and split_mode(mode)[1]:
+            return self._walk_with_turns(seen.node, split_mode(mode)[0], draws)
         node = seen.node
-        near = graph_of(self._ctx, getattr(mate, "mode", None)).neighborhoods
-        for step in range(min(self._turn - seen.turn, _MOST_STEPS)):
+        near = graph_of(self._ctx, mode).neighborhoods
+        for bits in draws:
             ways: Sequence[int] = near[node]
-            node = ways[kernels.below(kernels.draw_bits(key, name, 0, step), len(ways))]
+            node = ways[kernels.below(bits, len(ways))]
         return int(node)
+
+    def _walk_with_turns(self, node: int, mode: str, draws: Iterable[int]) -> int:
+        """Return the node after a random walk that begins on a node and obeys the turn restrictions of a mode."""
+        ground = belief_map_of(self._ctx.graph.columns())
+        moves = map_moves(ground, mode)
+        place = moves.begin_on(ground.row(node))
+        for bits in draws:
+            ways = [place, *moves.list_ends(place)]
+            place = ways[kernels.below(bits, len(ways))]
+        return int(self._node_ids[moves.nodes[place]])
 
     def _observe(self) -> None:
         """Store what the agents observe now; an agent that decides alone also shares it with its team."""

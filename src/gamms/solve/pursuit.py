@@ -1,7 +1,8 @@
 """Pursuit in turns with full sight: exact play on large maps, as a table over the places of all agents.
 
-A position is a *formation* of the pursuers, the node of the evader, and the side to move. Pursuers on the same roads
-are interchangeable, so that a formation is a multiset of nodes; else it has a node of each. `PursuitTable` has an
+A position is a *formation* of the pursuers, the place of the evader, and the side to move. A place is a node, and for
+agents that obey turn restrictions a state of traffic, the edge by which they came. Pursuers on the same roads are
+interchangeable, so that a formation is a multiset of places; else it has a place of each. `PursuitTable` has an
 outcome for each position, which `gamms.core.pursuit` finds backward from captures and escapes. `pursuit` makes it for a
 graph, `recognized` for a scenario with these rules, which `solve` then need not explore.
 """
@@ -21,10 +22,19 @@ from gamms.core import pursuit as core
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import Game
 from gamms.game.array_functions.declarations import array_strategy
-from gamms.game.array_functions.view import ArrayView
+from gamms.game.array_functions.view import ArrayView, driven_in
 from gamms.game.block.columns import mode_of
 from gamms.game.block.in_core import ONE_THAT_SHOWS, ContactOptions
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, as_node_ids, labels
+from gamms.ir.graph import (
+    FloatArray,
+    GraphColumns,
+    IntArray,
+    as_node_ids,
+    find_usable_edges,
+    forbidden_paths,
+    labels,
+    split_mode,
+)
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.limits import refuse_above
@@ -36,6 +46,7 @@ from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing import SensorType
 from gamms.typing.game import Strategy
+from gamms.typing.routes import TurnRoutes
 
 PURSUERS, EVADER = core.SIDES
 CAUGHT, ESCAPED = core.ENDS
@@ -46,18 +57,42 @@ _CHUNK = 1 << 20  # moves of formations that are listed at once
 Node = Hashable  # an id, or a label of a networkx graph
 
 
+class Traffic(NamedTuple):
+    """The edges by which agents that obey turn restrictions come to their places.
+
+    Attributes:
+        columns: the map of their mode.
+        routes: the states of traffic, which are the places.
+        edges: (places,) the ids of the edges; -1: an agent begins there.
+    """
+
+    columns: GraphColumns
+    routes: TurnRoutes
+    edges: IntArray
+
+    def find_place(self, row: int, driven: Sequence[int]) -> int:
+        """Return the place of an agent on a node, given the ids of the edges by which it has come."""
+        ids = np.array(driven, np.int64)
+        rows: list[int] = kernels.rows_of(self.columns.edge_ids, ids, self.columns.edge_order).tolist()
+        return self.routes.find_vertex(row, rows)
+
+
 class Roads(NamedTuple):
     """A graph for pursuit.
 
     Attributes:
         labels: (nodes,) the ids or labels of the nodes.
-        offsets: (nodes + 1,) where the moves from each node begin in `ends`.
-        ends: (moves,) rows of nodes, ascending from each node; staying is a move, too.
+        offsets: (places + 1,) where the moves from each place begin in `ends`.
+        ends: (moves,) places, ascending from each place; staying is a move, too.
+        nodes: (places,) the rows of their nodes. Without turn restrictions, the places are the nodes.
+        traffic: the edges by which agents come, if they obey turn restrictions.
     """
 
     labels: list[Any]
     offsets: IntArray
     ends: IntArray
+    nodes: IntArray
+    traffic: Traffic | None = None
 
 
 def roads_of(graph: object) -> Roads:
@@ -77,24 +112,39 @@ def roads_of(graph: object) -> Roads:
         row_of = {name: row for row, name in enumerate(names)}
         ends = np.array([(row_of[source], row_of[target]) for source, target in edges()], np.int64).reshape(-1, 2)
         both = ends if known.is_directed() else np.concatenate((ends, ends[:, ::-1]))
-        return _roads(names, both[:, 0], both[:, 1])
+        return _roads(names, both[:, 0], both[:, 1], np.arange(len(names)))
     raise BadType(f"A pursuit needs a networkx graph or ctx.graph, not {shown(graph)}.")
 
 
 def _roads_of_columns(columns: GraphColumns) -> Roads:
     """Return the roads of a map."""
-    return _roads(columns.node_ids.tolist(), columns.sources, columns.targets)
+    names = columns.node_ids.tolist()
+    return _roads(names, columns.sources, columns.targets, np.arange(len(names)))
 
 
-def _roads(names: list[Any], sources: IntArray, targets: IntArray) -> Roads:
-    """Return the roads of a graph with these edges between rows."""
+def _roads_of_mode(columns: GraphColumns, mode: str | None) -> Roads:
+    """Return the roads of agents of a mode on its map; None: agents without a mode."""
+    attribute, obeys_turns = (mode, False) if mode is None else split_mode(mode)
+    if attribute is None or not obeys_turns:
+        return _roads_of_columns(columns)
+    paths = forbidden_paths(columns).get(attribute, [])
+    routes = TurnRoutes(columns, columns.lengths, find_usable_edges(columns, attribute), paths)
+    begins, ends, rows, nodes = routes.list_arcs()
+    edges = np.full(len(nodes), -1)
+    edges[ends] = columns.edge_ids[rows]
+    return _roads(columns.node_ids.tolist(), begins, ends, nodes)._replace(traffic=Traffic(columns, routes, edges))
+
+
+def _roads(names: list[Any], begins: IntArray, ends: IntArray, nodes: IntArray) -> Roads:
+    """Return the roads of a graph with these moves between places, whose nodes are given by row."""
     if not names:
         raise BadValue("The graph has no nodes: a pursuit needs one at least.")
-    own = np.arange(len(names))
-    keys = np.unique(np.concatenate((sources * len(names) + targets, own * len(names) + own)))
-    begins, finishes = np.divmod(keys, len(names))
-    offsets, _ = kernels.group_rows(begins, len(names))
-    return Roads(names, offsets, finishes)
+    places = len(nodes)
+    own = np.arange(places)
+    keys = np.unique(np.concatenate((begins * places + ends, own * places + own)))
+    starts, finishes = np.divmod(keys, places)
+    offsets, _ = kernels.group_rows(starts, places)
+    return Roads(names, offsets, finishes, nodes)
 
 
 class PursuitTable:
@@ -111,7 +161,8 @@ class PursuitTable:
     Attributes:
         fleet: the graph of each pursuer.
         roads: that of the evader.
-        codes: (2, formations, nodes) by side to move; see `core.pursuit.Positions`.
+        exits: (nodes,) whether the evader escapes there.
+        codes: (2, formations, places of the evader) by side to move; see `core.pursuit.Positions`.
 
     Raises:
         TooLarge: the positions would take too much memory.
@@ -122,28 +173,27 @@ class PursuitTable:
         self.pursuers = len(self.fleet)
         self._are_alike = all(one is self.fleet[0] for one in self.fleet)
         self.first = first
-        nodes = len(self.roads.labels)
-        self.exits = np.zeros(nodes, np.bool_)
+        self.exits = np.zeros(len(self.roads.labels), np.bool_)
         self.exits[[*exits]] = True
+        self._sizes = [len(one.nodes) for one in self.fleet]
         self._row_of = {label: row for row, label in enumerate(self.roads.labels)}
         self._refuse_large()
-        ranks = [[self._rank(row, number) for row in range(nodes)] for number in range(self.pursuers)]
-        self._ranks = [*np.array(ranks, np.int64)]  # of each pursuer: (nodes,), see `_numbers`
+        ranks = [[self._rank(place, number) for place in range(size)] for number, size in enumerate(self._sizes)]
+        self._ranks = [np.array(own, np.int64) for own in ranks]  # of each pursuer: (places,), see `_numbers`
         self.codes = self._find(self.formations())
 
     def formations(self) -> IntArray:
-        """Return all formations, (formations, pursuers), as rows of nodes, in the order of their numbers."""
-        nodes = len(self.roads.labels)
-        return _formations(nodes, self.pursuers) if self._are_alike else _sequences(nodes, self.pursuers)
+        """Return all formations, (formations, pursuers), as places, in the order of their numbers."""
+        return _formations(self._sizes[0], self.pursuers) if self._are_alike else _sequences(self._sizes)
 
-    def _rank(self, row: int, number: int) -> int:
-        """Return what a pursuer on a node, the `number`-th, adds to the number of a formation."""
+    def _rank(self, place: int, number: int) -> int:
+        """Return what a pursuer at a place, the `number`-th, adds to the number of a formation."""
         if self._are_alike:
-            return comb(row + number, number + 1)
-        return int(row * len(self.roads.labels) ** number)
+            return comb(place + number, number + 1)
+        return place * prod(self._sizes[:number])
 
     def _sort(self, places: Any) -> IntArray:
-        """Return the nodes of formations, (…, pursuers), in the order in which formations list them."""
+        """Return the places of formations, (…, pursuers), in the order in which formations list them."""
         found: IntArray = np.sort(places, axis=-1) if self._are_alike else np.asarray(places)
         return found
 
@@ -151,13 +201,13 @@ class PursuitTable:
         return self.codes.size
 
     def _refuse_large(self) -> None:
-        nodes = len(self.roads.labels)
-        formations = comb(nodes + self.pursuers - 1, self.pursuers) if self._are_alike else nodes**self.pursuers
-        positions = 2 * formations * nodes
+        size = self._sizes[0]
+        formations = comb(size + self.pursuers - 1, self.pursuers) if self._are_alike else prod(self._sizes)
+        positions = 2 * formations * len(self.roads.nodes)
         degrees = [np.diff(one.offsets) for one in self.fleet]
         moves = self._count_moves(degrees[0].tolist()) if self._are_alike else prod(len(one.ends) for one in self.fleet)
         most = min(moves, formations**2) + prod(int(each.max()) for each in degrees)
-        what = f"A pursuit of {self.pursuers} pursuers on {nodes:,} nodes, {positions:,} positions,"
+        what = f"A pursuit of {self.pursuers} pursuers on {len(self.exits):,} nodes, {positions:,} positions,"
         refuse_above(10.0 * positions + 48.0 * most, what)
         if positions >= _MOST_POSITIONS:
             raise TooLarge(
@@ -173,15 +223,19 @@ class PursuitTable:
         return moves[-1]
 
     def _find(self, formations: IntArray) -> "np.ndarray[Any, np.dtype[np.int32]]":
-        nodes = len(self.roads.labels)
-        shape = (2, len(formations), nodes)
+        places = len(self.roads.nodes)
+        shape = (2, len(formations), places)
         codes = np.zeros(shape, np.int32)
-        codes[self.first][:, self.exits] = ESCAPED
-        codes[:, np.arange(len(formations))[:, None], formations] = CAUGHT
-        begins = np.repeat(np.arange(nodes), np.diff(self.roads.offsets))
+        codes[self.first][:, self.exits[self.roads.nodes]] = ESCAPED
+        first, on_node = kernels.group_rows(self.roads.nodes, len(self.exits))  # the places of the evader on each node
+        for number, one in enumerate(self.fleet):
+            nodes = one.nodes[formations[:, number]]
+            rows, met = kernels.expand_ranges(first[nodes], first[nodes + 1])
+            codes[:, rows, on_node[met]] = CAUGHT
+        begins = np.repeat(np.arange(places), np.diff(self.roads.offsets))
         positions = core.Positions(
             _moves(*self._team_moves(formations), len(formations)),
-            _moves(begins, self.roads.ends, nodes),
+            _moves(begins, self.roads.ends, places),
             codes.reshape(-1).data,
             np.zeros(codes.size, np.int32).data,
             np.zeros(codes.size // 2, np.int32).data,
@@ -225,10 +279,12 @@ class PursuitTable:
         """Return the code of a position at the start of a turn.
 
         Args:
-            places: the rows of the pursuers.
-            place: the row of the evader.
+            places: the places of the pursuers.
+            place: the place of the evader.
         """
-        if not self.exits[place] or place in places:
+        node = self.roads.nodes[place]
+        is_met = any(one.nodes[own] == node for one, own in zip(self.fleet, places, strict=True))
+        if is_met or not self.exits[node]:
             return int(self.codes[self.first, self._numbers(self._sort(places)), place])
         _, [after] = self.best(
             self.first, np.array([places]), np.array([place])
@@ -244,21 +300,21 @@ class PursuitTable:
         """Return the numbers of formations.
 
         Args:
-            places: the row of each pursuer, sorted: integers, or arrays of one shape; see `_sort`.
+            places: the place of each pursuer, sorted: integers, or arrays of one shape; see `_sort`.
         """
-        return sum(rank[row] for rank, row in zip(self._ranks, places, strict=True))
+        return sum(rank[place] for rank, place in zip(self._ranks, places, strict=True))
 
     def best(self, side: int, places: IntArray, place: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the rows to which the agents of a side move under exact play, and the codes of the positions after it.
+        """Return the places to which the agents of a side move in exact play, and the codes of the positions after it.
 
         Pursuers catch the evader as soon as possible, or delay its escape; the evader does the opposite. Among equal
         moves, pursuers take one with the smallest sum of distances to the evader, and the evader one with the largest.
-        Further ties go to staying, then to the order of the nodes.
+        Further ties go to staying, then to the order of the places.
 
         Args:
             side: the side to move.
-            places: (games, pursuers) the rows of the pursuers.
-            place: (games,) the row of the evader.
+            places: (games, pursuers) the places of the pursuers.
+            place: (games,) the place of the evader.
 
         Returns:
             (games, agents of the side) and (games,).
@@ -277,7 +333,8 @@ class PursuitTable:
             pursuers, evader = np.broadcast_to(places[:, None, :], (*is_move.shape, places.shape[1])), ends[:, :, 0]
         codes = self._codes_of(1 - side, np.where(is_move[:, :, None], pursuers, 0), np.where(is_move, evader, 0))
         worth = np.where(is_move, sign * _worth(codes), -inf)
-        distances = [self._of_roads(one)[1][pursuers[:, :, i], evader] for i, one in enumerate(self.fleet)]
+        nodes = self.roads.nodes[evader]
+        distances = [self._of_roads(one)[1][pursuers[:, :, i], nodes] for i, one in enumerate(self.fleet)]
         far = sign * np.add.reduce(distances)
         is_best = worth == worth.max(axis=1, keepdims=True)
         best = np.where(is_best, far, inf).argmin(axis=1)
@@ -296,7 +353,7 @@ class PursuitTable:
 
 
 def _ways_on(roads: Roads) -> IntArray:
-    """Return the rows to which an agent can move from each node, (nodes, most), its own first, padded with -1."""
+    """Return the places to which an agent can move from each place, (places, most), its own first, padded with -1."""
     offsets, ends = roads.offsets, roads.ends
     counts = np.diff(offsets)
     begins = np.repeat(np.arange(len(counts)), counts)
@@ -307,21 +364,19 @@ def _ways_on(roads: Roads) -> IntArray:
 
 
 def _distances_on(roads: Roads) -> FloatArray:
-    """Return the number of edges from each node to each other, (nodes, nodes); without a path the number of nodes."""
-    nodes = len(roads.labels)
-    begins = np.repeat(np.arange(nodes), np.diff(roads.offsets))
-    offsets, order = kernels.group_rows(roads.ends, nodes)
-    into = begins[order]
-    far = np.full((nodes, nodes), float(nodes))
-    reached = np.eye(nodes, dtype=np.bool_)
+    """Return the number of edges from each place to each node, (places, nodes); without a path the number of places."""
+    places = len(roads.nodes)
+    reached = np.zeros((places, len(roads.labels)), np.bool_)
+    reached[np.arange(places), roads.nodes] = True
+    far = np.full(reached.shape, float(places))
     steps = 0
     while True:
-        new = reached & (far == nodes)
+        new = reached & (far == places)
         if not new.any():
             return far
         far[new] = steps
         steps += 1
-        reached = np.logical_or.reduceat(reached[:, into], offsets[:-1], axis=1)
+        reached = np.logical_or.reduceat(reached[roads.ends], roads.offsets[:-1], axis=0)
 
 
 def _worth(codes: IntArray) -> FloatArray:
@@ -341,21 +396,25 @@ def _moves(begins: IntArray, ends: IntArray, places: int) -> core.Moves:
     return core.Moves(offsets.data, kernels.buffer(begins[order]), counts.data)
 
 
-def _formations(nodes: int, pursuers: int) -> IntArray:
-    """Return all multisets of rows of nodes, (formations, pursuers), each ascending, ordered by their numbers."""
+def _formations(places: int, pursuers: int) -> IntArray:
+    """Return all multisets of places, (formations, pursuers), each ascending, ordered by their numbers."""
     found = np.zeros((1, 0), np.int64)
     for number in range(pursuers):
-        counts = np.array([comb(row + number, number) for row in range(nodes)], np.int64)
-        last = np.repeat(np.arange(nodes), counts)
+        counts = np.array([comb(place + number, number) for place in range(places)], np.int64)
+        last = np.repeat(np.arange(places), counts)
         smaller = np.arange(len(last)) - np.repeat(np.cumsum(counts) - counts, counts)
         found = np.column_stack((found[smaller], last))
     return found
 
 
-def _sequences(nodes: int, pursuers: int) -> IntArray:
-    """Return all sequences of rows of nodes, (nodes ** pursuers, pursuers), ordered by their numbers."""
-    numbers = np.arange(nodes**pursuers)
-    return np.stack([numbers // nodes**place % nodes for place in range(pursuers)], axis=1)
+def _sequences(sizes: Sequence[int]) -> IntArray:
+    """Return all sequences of a place of each pursuer, (formations, pursuers), ordered by their numbers.
+
+    Args:
+        sizes: the number of places of each pursuer.
+    """
+    numbers = np.arange(prod(sizes))
+    return np.stack([numbers // prod(sizes[:number]) % size for number, size in enumerate(sizes)], axis=1)
 
 
 class PursuitTerms(NamedTuple):
@@ -418,16 +477,27 @@ class PursuitStrategy:
         pursuers, evaders = _sides_of(view, self._side)
         own = pursuers if self._side == PURSUERS else evaders
         living = view.living
-        places = rows[view.of(np.arange(len(roster.names))).node]
+        nodes = rows[view.of(np.arange(len(roster.names))).node]
+        edges = np.full(nodes.shape, -1)
         playing = np.flatnonzero(living[:, evaders].any(axis=1) & living[:, pursuers].any(axis=1))
         if len(playing):
             counts = [living[playing[:, None], agents].sum(axis=1) for agents in (pursuers, evaders)]
             self._check(order, roster.teams[roster.team_of[view.agents[0]]], *counts)
-            now = places[playing]
-            ends, _ = self._table.best(self._side, now[:, pursuers], now[:, evaders[0]])
-            places[playing[:, None], own] = ends
+            roads = [*self._table.fleet, self._table.roads]
+            agents = [*pursuers.tolist(), int(evaders[0])]
+            now = np.stack(
+                [_find_places(view, nodes, *pair)[playing] for pair in zip(agents, roads, strict=True)], axis=1
+            )
+            ends, _ = self._table.best(self._side, now[:, :-1], now[:, -1])
+            moving = slice(None, -1) if self._side == PURSUERS else slice(-1, None)
+            for agent, one, before, after in zip(own, roads[moving], now[:, moving].T, ends.T, strict=True):
+                nodes[playing, agent] = one.nodes[after]
+                if one.traffic is not None:
+                    edges[playing, agent] = np.where(after == before, -1, one.traffic.edges[after])
+        if (edges >= 0).any():
+            view.take_edges(edges[:, view.agents])
         ids = view.streets.columns.node_ids[np.argsort(rows)]
-        return view.action_to(ids[places[:, view.agents]])
+        return view.action_to(ids[nodes[:, view.agents]])
 
     def _rows_on(self, columns: GraphColumns) -> IntArray:
         """Return the row in the table of each row of the map of a game."""
@@ -469,6 +539,16 @@ class PursuitStrategy:
                 f"{self!r} was solved with moves_first={ROLES[table.first]!r}, and ctx.game.order is {shown(order)}: "
                 "it needs two lists of teams, such as [['cops'], ['robbers']], with the first to move in the first one."
             )
+
+
+def _find_places(view: ArrayView, nodes: IntArray, agent: int, roads: Roads) -> IntArray:
+    """Return the place of an agent in each game of a view, (games,); `nodes` (games, all agents) are rows of nodes."""
+    own: IntArray = nodes[:, agent]
+    traffic = roads.traffic
+    if traffic is None:
+        return own
+    driven = driven_in(view, agent)
+    return np.array([traffic.find_place(row, edges) for row, edges in zip(own.tolist(), driven, strict=True)])
 
 
 def exact_pursuers(ctx: Context, *, exits: Iterable[int] = ()) -> Strategy:
@@ -515,17 +595,17 @@ def _decide_exactly(
 ) -> IntArray:
     """Return the actions of the agents of a view; solve the pursuit on a map that is new."""
     pursuers, evaders = _sides_of(view, side)
-    if view.roster.obey_turns:
-        raise BadValue("Exact play of a pursuit does not know turn restrictions: leave out 'turns' of mode=.")
-    maps = _find_maps(view, [*pursuers.tolist(), *evaders.tolist()[:1]])
+    agents = [*pursuers.tolist(), *evaders.tolist()[:1]]
+    modes = tuple(mode_of(view.roster.agents[agent]) for agent in agents)
+    maps = _find_maps(view, agents)
     is_first = len(order) == 2 and view.roster.teams[view.roster.team_of[view.agents[0]]] in order[0]
     first = side if is_first else 1 - side
     tables = _TABLES.setdefault(maps[-1], {})
-    key = tuple(map(id, maps)), exits, first
+    key = tuple(map(id, maps)), modes, exits, first
     if key not in tables:
-        roads = {id(one): _roads_of_columns(one) for one in maps}
-        rows = _exit_rows(roads[id(maps[-1])], exits)
-        tables[key] = PursuitTable([roads[id(one)] for one in maps], rows, first), maps[:-1]
+        roads = {mode: _roads_of_mode(one, mode) for mode, one in zip(modes, maps, strict=True)}
+        rows = _exit_rows(roads[modes[-1]], exits)
+        tables[key] = PursuitTable([roads[mode] for mode in modes], rows, first), maps[:-1]
     table, _ = tables[key]
     return PursuitStrategy(table, side).choose(order, view, np.arange(len(table.exits)))
 
@@ -538,9 +618,9 @@ def _find_maps(view: ArrayView, agents: Sequence[int]) -> list[GraphColumns]:
     return [of_mode[mode] for mode in modes]
 
 
-_Key = tuple[tuple[int, ...], tuple[int, ...], int]
+_Key = tuple[tuple[int, ...], tuple[str | None, ...], tuple[int, ...], int]
 _TABLES: WeakKeyDictionary[GraphColumns, dict[_Key, tuple[PursuitTable, list[GraphColumns]]]] = WeakKeyDictionary()
-"""Map of the evader -> ids of the maps of all, exits and first side -> the outcomes, and the maps of the pursuers."""
+"""Map of the evader -> ids of maps, modes, exits, first side -> the outcomes, and the maps of the pursuers."""
 
 
 def _sides_of(view: ArrayView, side: int) -> tuple[IntArray, IntArray]:

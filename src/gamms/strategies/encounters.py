@@ -253,7 +253,9 @@ def follow_belief(
         known = belief.observe(ctx, state)
         names = _living_enemies(ctx, state) if wanted is None else wanted
         chances = known.probabilities(names, model).sum(axis=0)
-        turns = turns_from(ctx, state["name"], [here])[0]
+        weight, speed, _ = pace_of(ctx, state["name"])
+        far = graph_for(ctx, state).distance_matrix([here], ctx.graph.columns().node_ids, weight)
+        turns = turns_for(far, speed)[0]
         row = likeliest(kernels.buffer(chances), kernels.buffer(turns), 0, len(turns))
         node = None if row < 0 else int(ctx.graph.columns().node_ids[row])
         move_to(ctx, state, node, fallback, "follow_belief")

@@ -20,7 +20,7 @@ from gamms.game.array_functions import aims
 from gamms.game.movement.travel import find_usable_graph, graph_of
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
-from gamms.ir.graph import IntArray, as_node_id, split_mode
+from gamms.ir.graph import FloatArray, IntArray, as_node_id, split_mode
 from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, EdgeAction, NodeId, State, Strategy
@@ -197,6 +197,12 @@ class RoutesWithTurns:
             source, None, weight, None, self._turns, driven
         )
         return found
+
+    def distance_matrix(self, sources: Sequence[int], targets: IntArray, weight: str | None = "length") -> FloatArray:
+        """Return the lengths of the shortest paths, (sources, targets); infinite if there is none."""
+        ends = targets.tolist()
+        several = [self.distances(source, weight) for source in sources]
+        return np.array([[far.get(end, inf) for end in ends] for far in several]).reshape(len(several), len(ends))
 
     def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
         """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""

@@ -324,7 +324,10 @@ class TurnRoutes:
         return self._edges[found.rows[1:-1]].tolist() if found.rows else None
 
     def list_arcs(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-        """Return the arcs along edges: vertices at both ends, and rows of edges; then the node of each vertex."""
+        """Return the arcs along edges: vertices at both ends, and rows of edges; then the node of each vertex.
+
+        The last vertices, one for each node, are those of traffic that begins there.
+        """
         starts, ends, lengths = self._arcs
         is_edge = (ends < self._begin) & np.isfinite(lengths)
         nodes = np.concatenate((self._columns.targets[self._edges], np.arange(len(self._columns.node_ids))))

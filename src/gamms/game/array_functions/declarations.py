@@ -190,7 +190,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
 
 
 def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
-    """Note the legal nodes and the positions of agents as the context of their game has them.
+    """Note the legal nodes, the positions and the driven edges of agents as the context of their game has them.
 
     Args:
         state: the state of games, with `noted_moves`.
@@ -201,13 +201,15 @@ def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
     assert moves is not None  # noqa: S101 - see above
     known = game.ctx.agent.agents
     names = state.roster.names
-    legal = game.internals.parts.turns.legal([name for name in names if name in known])
+    turns = game.internals.parts.turns
+    legal = turns.legal([name for name in names if name in known])
     columns = state.streets.columns
     block = game.ctx.agent.block
     for i, name in enumerate(names):
         node = state.node[number, i]
         moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
         moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
+        moves.driven[number, i] = turns.legality.find_driven(name) if name in known else ()
         progress = block.on_edge(block.row_of(name)) if name in known else None
         place = None if progress is None else located(game.ctx.graph.graph, progress)
         if place is not None:

@@ -733,6 +733,18 @@ def nodes_in(view: ArrayView, agents: IntArray) -> IntArray:
     return view._state.node[:, agents]
 
 
+def driven_in(view: ArrayView, agent: int) -> list[tuple[int, ...]]:
+    """Return the ids of the edges by which an agent has come to its node in each game; see `GameState.driven`.
+
+    Args:
+        view: the view of an agent that obeys turn restrictions, or of another one in its games.
+        agent: the number of the agent in the roster.
+    """
+    noted = view._state.noted_moves
+    assert noted is not None  # noqa: S101 - games with such agents are played in contexts of their own
+    return [noted.driven.get((game, agent), ()) for game in view.games.tolist()]
+
+
 def width_in(view: ArrayView) -> int:
     """Return the number of actions of the games of a view, for which it may have more entries; see `widen`."""
     state = view._state
