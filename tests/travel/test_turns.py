@@ -494,7 +494,7 @@ def test_strategies_that_do_not_know_turns_refuse(corner, make):
             lambda ctx: (setattr(ctx.game, "speed_unit", "metres"), setattr(ctx.game, "decide", "arrival")),
             "'car' obeys .* decide='turn'",
         ),
-        (lambda ctx: setattr(ctx.game, "legal", "any"), "moves need no edges"),
+        (lambda ctx: setattr(ctx.game, "legal", "any"), r"'car' has mode=.* leave out mode=.* respawn\(agent, node\)"),
     ],
 )
 def test_games_that_do_not_know_turns_refuse_them(corner, change, message):

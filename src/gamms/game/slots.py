@@ -323,7 +323,7 @@ class Slots(Sequence[AgentSlot]):
         ]
         have_modes = any(mode is not None for mode in block.modes)
         if have_modes:
-            refuse_modes(settings.legal)
+            refuse_modes(settings.legal, [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True)])
             has_pace = (has_speed & (not travels)) | (settings.decide == "arrival")
             refuse_turns(
                 [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True) if has_pace[row]]
@@ -507,14 +507,23 @@ class SlotMaker:
         return slots
 
 
-def refuse_modes(legal: str) -> None:
+def refuse_modes(legal: str, agents: Iterable[tuple[str, str | None]]) -> None:
     """Refuse agents with a mode in games whose moves follow no edges.
 
+    Args:
+        legal: the setting.
+        agents: names and modes.
+
     Raises:
-        BadValue: they follow none.
+        BadValue: the moves follow none.
     """
-    if legal == "any":
-        raise BadValue("Agents have mode=, but with ctx.game.legal = 'any' moves need no edges: leave legal='edges'.")
+    for name, mode in agents:
+        if legal == "any" and mode is not None:
+            raise BadValue(
+                f"Agent {shown(name)} has mode={mode!r}, which says which edges it may use, and with ctx.game.legal = "
+                "'any' moves use no edges: leave out mode=, or leave legal='edges'. There, a rule can put single agents "
+                "on any node: ctx.game.respawn(agent, node)."
+            )
 
 
 def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:

@@ -66,7 +66,7 @@ def movement_of(
     modes = [mode_of(agent) for agent in roster.agents]
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
-        refuse_modes(settings["legal"])
+        refuse_modes(settings["legal"], [(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
         by_edges = settings["speed_unit"] == "edges"
         waits = settings["decide"] == "arrival"
         each = zip(roster.agents, modes, speeds, strict=True)
