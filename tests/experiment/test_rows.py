@@ -87,6 +87,17 @@ def test_what_cannot_be_varied_is_refused_with_a_way_out(vary, error, message):
         experiment.run(HUNT, [1], vary)
 
 
+def test_a_rule_of_a_file_is_varied_by_the_name_of_its_function(tmp_path):
+    (tmp_path / "referee.py").write_text("def toll(ctx, price):\n    ctx.game.scores['red'] -= price\n")
+    paying = {"rule": "referee:toll", "with": {"price": 0}}
+    game = Scenario(**{**HUNT.to_dict(), "rules": [paying], "max_turns": 2}, folder=tmp_path)
+    rows = experiment.run(game, [1], {"rules.toll.with.price": [1, 5]})
+    assert rows.table()["score.red"].tolist() == [-2.0, -10.0]
+    other = game.replace(rules=[paying, {"rule": "deeper.referee:toll", "with": {"price": 0}}])
+    with pytest.raises(ScenarioError, match=r"There are: 'referee:toll', 'deeper\.referee:toll'"):
+        experiment.run(other, [1], {"rules.toll.with.price": [1]})
+
+
 def test_a_collector_that_takes_no_result_is_refused():
     with pytest.raises(BadType, match="'tags' of collect must be a function of a result"):
         experiment.run(HUNT, [1], collect={"tags": lambda: 0})

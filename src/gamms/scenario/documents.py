@@ -213,8 +213,8 @@ def _current_key(keys: tuple[Plain, ...], key: Plain) -> Plain:
 def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
     """Copy a mapping, with current names of keys, and with another value at each dotted path.
 
-    A part of a path is a key, or the index or the name of a list item. The last key may be new, and so may the first,
-    such as settings.
+    A part of a path is a key, or of a list item the index, the name, or the name of its function, if no other item has
+    it: `toll` for the rule `referee:toll`. The last key may be new, and so may the first, such as settings.
 
     Raises:
         ScenarioError: a path does not exist.
@@ -251,7 +251,14 @@ def _found(here: Plain, part: str) -> Plain:
         for labels in (names, _known(here)):
             if part in labels:
                 return labels.index(part)
+        return _find_function(here, part)
     return None
+
+
+def _find_function(here: list[Plain], name: str) -> int | None:
+    """Return the index of the only list item whose code, such as `referee:toll`, is a function of this name."""
+    found = [index for index, label in enumerate(_known(here)) if label.rpartition(":")[2] == name]
+    return found[0] if len(found) == 1 else None
 
 
 _MOST_NAMED = 8  # keys in an error
