@@ -62,7 +62,8 @@ def test_a_file_is_played_and_its_summary_printed(folder, monkeypatch):
     done = run("hunts.yaml", "--workers", 0)
     assert done.exit_code == 0
     assert done.stdout.splitlines()[0].split() == [
-        *("teams.red.count", "strategies.blue", "metric", "games", "seeds", "errors", "mean", "low", "high")
+        *("teams.red.count", "strategies.blue", "metric", "games", "seeds", "errors", "mean", "low", "high"),
+        *("t_low", "t_high"),
     ]
     with (folder / "results" / "rows.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -190,7 +190,7 @@ ROWS = made(
 
 def test_a_summary_has_means_and_rates_of_wins_for_each_variant():
     table = ROWS.summary()
-    assert list(table) == ["way", "metric", "games", "seeds", "errors", "mean", "low", "high"]
+    assert list(table) == ["way", "metric", "games", "seeds", "errors", "mean", "low", "high", "t_low", "t_high"]
     found = {
         (way, metric): (games, seeds, errors, mean)
         for way, metric, games, seeds, errors, mean, *_ in zip(*table.values(), strict=True)
@@ -254,13 +254,85 @@ def test_p_at_its_floor_is_printed_as_a_bound():
 
 
 def test_few_seeds_have_a_note_that_intervals_of_means_are_too_narrow():
-    note = "Bootstrap intervals of means of fewer than 30 seeds are too narrow."
+    too_narrow = "Bootstrap intervals of means of fewer than 30 seeds are too narrow"
+    note = f"{too_narrow}; intervals of Student's t stand beside them."
     assert ROWS.summary().notes == [note]
     assert str(ROWS.compare("turns", "way")).endswith(f"\n{note}")
     assert note in ROWS.summary().latex()
     assert ROWS.summary(metrics=["wins.red"]).notes == []  # of Wilson
     assert repeated(np.arange(30), 8).compare("turns", "way").notes == []
     assert repeated(np.arange(29), 8).compare("turns", "way").notes == [note]
+
+
+def test_few_seeds_have_the_interval_of_student_beside_the_others():
+    import scipy.stats
+
+    values = np.random.default_rng(3).normal(size=10)
+    table = repeated(values, 3).compare("turns", "way", confidence=0.9)
+    theirs = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(0.9)
+    assert (table["t_low"][0], table["t_high"][0]) == pytest.approx((theirs.low, theirs.high))
+    assert list(table).index("t_low") == list(table).index("high") + 1
+    assert f"& [{theirs.low:.2f}, {theirs.high:.2f}] &" in table.latex()
+    summary = ROWS.summary(metrics=["turns", "wins.red"])
+    assert np.isfinite(summary["t_low"]).tolist() == [True, False, False, False]  # equal values, and rates of wins
+    assert "t_low" not in repeated(np.arange(30), 3).compare("turns", "way")
+
+
+@pytest.mark.parametrize("make", [ROWS.summary, lambda: ROWS.compare("turns", "way")])
+def test_the_unit_of_replication_is_named_where_a_table_is_published(make):
+    assert "The unit of replication is the seed: games of one seed are averaged first." in make().latex()
+
+
+def crossed(differences, copies=1):
+    """Return rows of two ways on two maps: way a takes 2 turns longer, and on the large map these differences more."""
+    rows = []
+    for copy in range(copies):
+        for way in ("a", "b"):
+            for size in (5, 10):
+                for seed, difference in enumerate(differences):
+                    turns = seed + 2.0 * (way == "a") + size + float(difference) * (way == "a" and size == 10)
+                    settings = {"copy": copy, "way": way, "size": size, "seed": seed}
+                    rows.append({"id": str(len(rows)), **settings, "turns": turns, "winner": None, "error": None})
+    return Rows(rows, ["copy", "way", "size"])
+
+
+def test_an_interaction_is_that_of_a_mixed_model():
+    turns = {
+        ("a", 5): [18, 21, 22, 21, 27, 21, 20, 19, 25, 31, 24, 17],
+        ("b", 5): [15, 12, 19, 19, 27, 22, 14, 17, 21, 27, 21, 11],
+        ("a", 10): [27, 25, 25, 30, 32, 29, 24, 26, 32, 35, 28, 23],
+        ("b", 10): [17, 15, 22, 20, 27, 19, 18, 16, 27, 29, 27, 17],
+    }
+    rows = [
+        {
+            "id": f"{way} {size} {seed}",
+            "way": way,
+            "size": size,
+            "seed": seed,
+            "turns": one,
+            "winner": None,
+            "error": None,
+        }
+        for (way, size), each in turns.items()
+        for seed, one in enumerate(each)
+    ]
+    table = Rows(rows, ["way", "size"]).interaction("turns", "way", "size")
+    # statsmodels 0.15: mixedlm("turns ~ C(way, Treatment('b')) * C(size, Treatment(10))", rows, groups="seed").fit()
+    assert table["difference"][0] == pytest.approx(-3.4166667)
+    assert [table["low"][0], table["high"][0]] == pytest.approx([-5.541, -1.292], abs=0.6)
+    assert [table["t_low"][0], table["t_high"][0]] == pytest.approx([-6.0775, -0.7558], abs=1e-4)  # of t, by SciPy
+    assert table["p"][0] < 0.05
+
+
+def test_an_interaction_compares_differences_of_the_same_seeds():
+    differences = np.random.default_rng(1).normal(0.5, 1.0, 40)
+    table = crossed(differences, 3).interaction("turns", "way", "size")
+    assert [table[name][0] for name in list(table)[:6]] == ["a", "b", 5, 10, 120, 40]
+    alone = repeated(-differences, 1).compare("turns", "way")
+    for name in ("difference", "low", "high", "effect", "p"):
+        assert table[name][0] == pytest.approx(alone[name][0])
+    swapped = crossed(differences).interaction("turns", "size", "way")
+    assert swapped["difference"][0] == pytest.approx(table["difference"][0])
 
 
 def test_power_is_that_of_the_t_test():
@@ -302,6 +374,12 @@ def test_unknown_columns_and_keys_are_named():
         ROWS.compare("turns", "wya")
     with pytest.raises(UnknownName, match="Unknown varied key 'seed'"):
         ROWS.compare("turns", "seed")
+    with pytest.raises(UnknownName, match="Did you mean 'size'"):
+        crossed([1.0]).interaction("turns", "way", "sise")
+    with pytest.raises(BadValue, match="of two keys, not of 'way' with itself"):
+        crossed([1.0]).interaction("turns", "way", "way")
+    with pytest.raises(BadValue, match="'copy' has one"):
+        crossed([1.0]).interaction("turns", "way", "copy")
 
 
 def test_a_table_prints_and_is_set_by_latex():

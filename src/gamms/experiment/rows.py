@@ -19,12 +19,14 @@ from gamms.experiment.statistics import (
     FEW_SEEDS,
     LEAST_P,
     Interval,
+    PairedComparison,
     holm,
     mean_interval,
     paired,
     rate_interval_of_seeds,
     seeds_needed,
     sobol_indices,
+    t_interval,
 )
 from gamms.experiment.tables import Table, plot
 from gamms.experiment.variants import Variant, digest_of
@@ -40,7 +42,13 @@ if TYPE_CHECKING:
 
 _WINS = "wins."
 _METRICS = ("score.", "collector.")  # prefixes of columns in a summary
-_TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow."
+_TOO_NARROW = f"Bootstrap intervals of means of fewer than {FEW_SEEDS} seeds are too narrow"
+_UNIT = "The unit of replication is the seed: games of one seed are averaged first."
+_HAS_T = f"{_TOO_NARROW}; intervals of Student's t stand beside them."
+_ENDS_OF_T = ("t_low", "t_high")
+
+
+BySeed = dict[int, list[float]]  # seed -> the values of its games
 
 
 class Rows(Sequence[Row]):
@@ -205,7 +213,8 @@ class Rows(Sequence[Row]):
         """Return means with bootstrap intervals, and rates of wins with Wilson intervals, for each variant.
 
         Games of one seed count as one piece of evidence: first the games of a seed are averaged, then the seeds;
-        intervals are over seeds. Rows with errors count in neither; the column `errors` says how many there are.
+        intervals are over seeds. Rows with errors count in neither; the column `errors` says how many there are. Means
+        of fewer than 30 seeds also have Student's interval, in the columns `t_low` and `t_high`.
 
         Args:
             by: the keys by which rows are grouped, also `opponent.<team>`, the member of a pool; None: all that were
@@ -227,9 +236,11 @@ class Rows(Sequence[Row]):
                 by_seed = _by_seed(name, good)
                 counts = {"games": len(good), "seeds": len(by_seed), "errors": len(rows) - len(good)}
                 mean = dict(zip(("mean", "low", "high"), _interval(name, by_seed, confidence), strict=True))
-                made.append({**dict(zip(keys, settings, strict=True)), "metric": name, **counts, **mean})
+                means = [] if name.startswith(_WINS) else [fmean(some) for some in by_seed.values()]
+                ends = _find_ends_of_t(means, confidence)
+                made.append({**dict(zip(keys, settings, strict=True)), "metric": name, **counts, **mean, **ends})
                 is_few |= _is_too_narrow(name, by_seed)
-        return Table.of(made, notes=[_TOO_NARROW] if is_few else [])
+        return _make_table(made, is_few=is_few)
 
     def compare(self, metric: str, by: str, *, confidence: float = 0.95) -> Table:
         """Compare all values of a key in pairs of games that share the seed and all other settings.
@@ -238,8 +249,9 @@ class Rows(Sequence[Row]):
         are of the means of the seeds.
 
         Columns: first, second, pairs, seeds, difference (first minus second) with its interval, effect (Cohen's d_z)
-        and p of a permutation test, corrected for the number of comparisons after Holm. The table prints p as
-        "< 0.0002" where the test cannot give a smaller one.
+        and p of a permutation test, corrected for the number of comparisons after Holm. With fewer than 30 seeds,
+        `t_low` and `t_high` are the ends of Student's interval. The table prints p as "< 0.0002" where the test cannot
+        give a smaller one.
 
         Args:
             metric: a column of numbers, or `wins.<team>`.
@@ -250,40 +262,68 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): the rows lack the column or key.
             MissingExtra (ImportError): SciPy is not installed.
         """
-        made = []
-        is_few = False
-        for (first, second), by_seed in self._differences(metric, by).items():
-            counts = {"pairs": sum(map(len, by_seed.values())), "seeds": len(by_seed)}
-            result = paired([fmean(some) for some in by_seed.values()], confidence)
-            made.append({"first": first, "second": second, **counts, **result._asdict()})
-            is_few |= len(by_seed) < FEW_SEEDS
-        for row, p in zip(made, holm([row["p"] for row in made]), strict=True):
-            row["p"] = p
-        if not made:
-            names = ("first", "second", "pairs", "seeds", "difference", "low", "high", "effect", "p")
-            return Table({one: np.array([]) for one in names})
-        least = min(LEAST_P * len(made), 0.999)
-        return Table.of(made, notes=[_TOO_NARROW] if is_few else [], least={"p": least})
+        names = ("first", "second", "pairs")
+        return _compare(names, self._differences(metric, by), confidence)
 
-    def _differences(self, metric: str, by: str) -> dict[tuple[Any, Any], dict[int, list[float]]]:
+    def interaction(self, metric: str, a: str, b: str, *, confidence: float = 0.95) -> Table:
+        """Test whether the difference between values of one key depends on another key.
+
+        For each two values of `a` and each two of `b`, this is a difference of differences: how much more the metric
+        changes from `second_a` to `first_a` at `first_b` than at `second_b`. The four games share the seed and all
+        other settings. Differences of one seed count as one piece of evidence, as in `compare`.
+
+        Columns: first_a, second_a, first_b, second_b, quadruples (of games), seeds, difference (of differences) with
+        its interval, effect and p as in `compare`, corrected for the number of rows after Holm.
+
+        Args:
+            metric: a column of numbers, or `wins.<team>`.
+            a: the key whose effect may depend on the other.
+            b: the other key.
+            confidence: the confidence level of the intervals.
+
+        Raises:
+            BadValue: the keys are the same, or one of them has only one value.
+            UnknownName (KeyError): the rows lack the column or a key.
+            MissingExtra (ImportError): SciPy is not installed.
+        """
+        name = self._as_metric(metric)
+        for key in (a, b):
+            as_known(key, "varied key", self.keys)
+        if a == b:
+            raise BadValue(f"An interaction is of two keys, not of {a!r} with itself.")
+        values = self._find_values(name, (a, b))
+        pairs_of = {key: list(combinations(dict.fromkeys(row[key] for row in self._rows), 2)) for key in (a, b)}
+        alone = next((key for key, pairs in pairs_of.items() if not pairs), None)
+        if alone is not None:
+            raise BadValue(f"An interaction needs two values of each key, and {alone!r} has one: vary it.")
+        contrasts = {}
+        for first_a, second_a in pairs_of[a]:
+            for first_b, second_b in pairs_of[b]:
+                plus = [values.get(cell, {}) for cell in ((first_a, first_b), (second_a, second_b))]
+                minus = [values.get(cell, {}) for cell in ((second_a, first_b), (first_a, second_b))]
+                contrasts[first_a, second_a, first_b, second_b] = _find_contrast(plus, minus)
+        return _compare(("first_a", "second_a", "first_b", "second_b", "quadruples"), contrasts, confidence)
+
+    def _differences(self, metric: str, by: str) -> dict[tuple[Any, ...], BySeed]:
         """Return the differences of paired games by seed, for each pair of values of a key."""
         name = self._as_metric(metric)
         as_known(by, "varied key", self.keys)
-        others = [one for one in self.keys if one != by]
-        found: dict[Any, dict[tuple[Any, ...], float]] = {}
+        values = self._find_values(name, (by,))
+        return {
+            (*first, *second): _find_contrast([values[first]], [values[second]])
+            for first, second in combinations(values, 2)
+        }
+
+    def _find_values(self, name: str, keys: Sequence[str]) -> dict[tuple[Any, ...], dict[tuple[Any, ...], float]]:
+        """Return the values of a metric: the values of these keys -> the seed and all other settings -> the value."""
+        others = [one for one in self.keys if one not in keys]
+        found: dict[tuple[Any, ...], dict[tuple[Any, ...], float]] = {}
         for row in self._rows:
             value = np.nan if row["error"] is not None else read_metric(name, row)
             if np.isfinite(value):
-                pair = (row["seed"], *(row[one] for one in others))
-                found.setdefault(row[by], {})[pair] = value
-        differences = {}
-        for first, second in combinations(found, 2):
-            by_seed: dict[int, list[float]] = {}
-            for pair, value in found[first].items():
-                if pair in found[second]:
-                    by_seed.setdefault(pair[0], []).append(value - found[second][pair])
-            differences[first, second] = by_seed
-        return differences
+                same = (row["seed"], *(row[one] for one in others))
+                found.setdefault(tuple(row[key] for key in keys), {})[same] = value
+        return found
 
     def indices(self, metric: str, *, confidence: float = 0.95) -> Table:
         """Return first-order and total Sobol indices of the keys of a sample, with bootstrap intervals.
@@ -348,7 +388,7 @@ class Rows(Sequence[Row]):
             point = settings[0], _interval(name, by_seed, 0.95)
             series.setdefault(settings[-1] if hue else None, []).append(point)
         if is_few:
-            notes.append(_TOO_NARROW)
+            notes.append(f"{_TOO_NARROW}.")
         return plot(across, name, hue, series, ax, notes)
 
     def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
@@ -444,6 +484,61 @@ def read_metric(name: str, row: Row) -> float:
         return float(row["winner"] is not None and str(row["winner"]) == name.removeprefix(_WINS))
     value = row.get(name)
     return float(value) if isinstance(value, (int, float)) else np.nan
+
+
+def _find_contrast(
+    plus: Sequence[Mapping[tuple[Any, ...], float]], minus: Sequence[Mapping[tuple[Any, ...], float]]
+) -> BySeed:
+    """Return sums of values minus sums of others, by seed, of games that share the seed and all other settings.
+
+    Each mapping has the values of some games: the seed and the other settings -> the value.
+    """
+    by_seed: BySeed = {}
+    for same in plus[0]:
+        if all(same in values for values in (*plus, *minus)):
+            difference = sum(values[same] for values in plus) - sum(values[same] for values in minus)
+            by_seed.setdefault(same[0], []).append(difference)
+    return by_seed
+
+
+def _compare(names: Sequence[str], contrasts: Mapping[tuple[Any, ...], BySeed], confidence: float) -> Table:
+    """Return a table of contrasts, each with interval, effect and p over seeds.
+
+    Args:
+        names: the columns of the values that are compared, then that of the number of contrasts of games.
+        contrasts: the values that are compared -> the contrasts by seed.
+        confidence: the confidence level of the intervals.
+    """
+    *labels, count = names
+    made = []
+    for compared, by_seed in contrasts.items():
+        means = [fmean(some) for some in by_seed.values()]
+        counts = {count: sum(map(len, by_seed.values())), "seeds": len(by_seed)}
+        result = paired(means, confidence)
+        ends = _find_ends_of_t(means, confidence)
+        interval = {"difference": result.difference, "low": result.low, "high": result.high, **ends}
+        test = {"effect": result.effect, "p": result.p}
+        made.append({**dict(zip(labels, compared, strict=True)), **counts, **interval, **test})
+    for row, p in zip(made, holm([row["p"] for row in made]), strict=True):
+        row["p"] = p
+    if not made:
+        return Table({one: np.array([]) for one in (*names, "seeds", *PairedComparison._fields)}, unit=_UNIT)
+    is_few = any(len(by_seed) < FEW_SEEDS for by_seed in contrasts.values())
+    return _make_table(made, is_few=is_few, least={"p": min(LEAST_P * len(made), 0.999)})
+
+
+def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, float]:
+    """Return the columns of Student's interval of the mean over seeds; NaN if there are enough for the bootstrap."""
+    ends = t_interval(means, confidence) if len(means) < FEW_SEEDS else (np.nan, np.nan)
+    return dict(zip(_ENDS_OF_T, ends, strict=True))
+
+
+def _make_table(rows: list[dict[str, Any]], *, is_few: bool, least: Mapping[str, float] | None = None) -> Table:
+    """Return a table of means over seeds; only if some of them are of few seeds, it has Student's intervals."""
+    if is_few:
+        return Table.of(rows, notes=[_HAS_T], least=least, unit=_UNIT)
+    columns = [{name: value for name, value in row.items() if name not in _ENDS_OF_T} for row in rows]
+    return Table.of(columns, least=least, unit=_UNIT)
 
 
 def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:

@@ -81,6 +81,23 @@ def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95
     return Interval(mean, float(found.low), float(found.high))
 
 
+def t_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the ends of Student's interval of the mean (Biometrika 6, 1908); NaN for equal values, or fewer than two.
+
+    It assumes that the values are roughly normal, and then covers the mean as often as it says, also for few values.
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    given = np.asarray(values, float)
+    stats = _stats()
+    if len(given) < 2 or np.ptp(given) == 0.0:
+        return np.nan, np.nan
+    half = float(stats.t.ppf((1.0 + confidence) / 2.0, len(given) - 1) * stats.sem(given))
+    mean = float(given.mean())
+    return mean - half, mean + half
+
+
 def rate_interval(successes: float, trials: float, confidence: float = 0.95) -> Interval:
     """Return a rate and its score interval (Wilson, JASA 22, 1927); neither number has to be an integer."""
     if not trials:

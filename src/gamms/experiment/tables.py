@@ -32,24 +32,36 @@ class Table(dict[str, Any]):
     Attributes:
         notes: sentences that are printed below the columns.
         least: column -> the least value that its method can give; numbers up to it are printed as "< 0.0002".
+        unit: a sentence about the unit of replication, which `latex` adds below the table; "" omits it.
     """
 
     def __init__(
-        self, columns: Mapping[str, Any], *, notes: Sequence[str] = (), least: Mapping[str, float] | None = None
+        self,
+        columns: Mapping[str, Any],
+        *,
+        notes: Sequence[str] = (),
+        least: Mapping[str, float] | None = None,
+        unit: str = "",
     ) -> None:
         super().__init__(columns)
         self.notes = list(notes)
         self.least = dict(least or {})
+        self.unit = unit
 
     def __missing__(self, column: object) -> Any:
         raise UnknownName("column", column, self)
 
     @classmethod
     def of(
-        cls, rows: list[dict[str, Any]], *, notes: Sequence[str] = (), least: Mapping[str, float] | None = None
+        cls,
+        rows: list[dict[str, Any]],
+        *,
+        notes: Sequence[str] = (),
+        least: Mapping[str, float] | None = None,
+        unit: str = "",
     ) -> "Table":
         """Return a table of rows."""
-        return cls(table_of(rows), notes=notes, least=least)
+        return cls(table_of(rows), notes=notes, least=least, unit=unit)
 
     def __str__(self) -> str:
         """Return the columns, aligned."""
@@ -66,31 +78,36 @@ class Table(dict[str, Any]):
         return "\n".join([*aligned, *self.notes])
 
     def latex(self, *, caption: str = "", label: str = "", digits: int = 2) -> str:
-        """Return a LaTeX table for the package booktabs; intervals follow their values, notes are below.
+        """Return a LaTeX table for the package booktabs; intervals follow their values, notes and the unit are below.
+
+        Student's intervals, where a table has them, are the column `t`.
 
         Args:
             caption: the caption; "" omits it.
             label: the label for references; "" omits it.
             digits: the number of decimals of fractional numbers.
         """
-        names = [name for name in self if name not in ("low", "high")]
-        has_interval = len(names) < len(self) - 1
+        names = [name for name in self if name not in ("low", "high", "t_high")]
+        has_interval = "low" in self and "high" in self
         of_value = list(self)[list(self).index("low") - 1] if has_interval else None
         lines = []
         for cells in self._cells("f", f".{digits}"):
             row = dict(zip(self, cells, strict=True))
             if of_value is not None and row["low"] != _NOTHING:
                 row[of_value] += f" [{row['low']}, {row['high']}]"
+            if row.get("t_low", _NOTHING) != _NOTHING:
+                row["t_low"] = f"[{row['t_low']}, {row['t_high']}]"
             lines.append(" & ".join(_escaped(row[name]) for name in names) + r" \\")
+        titles = ["t" if name == "t_low" else name for name in names]
         kinds = "".join("r" if self[name].dtype.kind in "if" else "l" for name in names)
         parts = [
             [r"\begin{table}", r"\centering"],
             [rf"\caption{{{_escaped(caption)}}}"] if caption else [],
             [rf"\label{{{label}}}"] if label else [],
-            [rf"\begin{{tabular}}{{{kinds}}}", r"\toprule", " & ".join(map(_escaped, names)) + r" \\", r"\midrule"],
+            [rf"\begin{{tabular}}{{{kinds}}}", r"\toprule", " & ".join(map(_escaped, titles)) + r" \\", r"\midrule"],
             lines,
             [r"\bottomrule", r"\end{tabular}"],
-            [rf"\par\footnotesize {_escaped(note)}" for note in self.notes],
+            [rf"\par\footnotesize {_escaped(note)}" for note in [*self.notes, *filter(None, [self.unit])]],
             [r"\end{table}", ""],
         ]
         return "\n".join(chain.from_iterable(parts))
