@@ -151,10 +151,6 @@ def count_memories(ctx, state):
     state["memory"]["known"] = len(str(ctx.game.memories))
 
 
-def name_an_edge(_, state):
-    state["action"] = {"edge": state["legal_edges"][-1]}
-
-
 def end_soon(ctx):
     ctx.game.max_turns = 4
 
@@ -237,7 +233,7 @@ def open_arriving(act, last, order, *, is_by_conflicts):
 
 
 PARTS = [["blue"], ["red"]]
-DECIDING = [look_ahead, count_memories, name_an_edge]
+DECIDING = [look_ahead, count_memories]
 RESOLVING = [end_soon, change_map, slow_down, send_another, put_out]
 
 

@@ -46,8 +46,8 @@ cdef int rest(MetreMovers t, i64 own) except -1 nogil
 cdef int choose(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(count=i64)
 cdef int go_along(MetreMovers t, i64 row, i64 own) except -1 nogil
-@cython.locals(own=i64, edge=i64, on=i64, node=i64)
-cdef int go_over(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
+@cython.locals(edge=i64, on=i64, legs=i64, now=double)
+cdef int go_over(MetreMovers t, i64 row, i64 own) except -1 nogil
 @cython.locals(edge=i64, share=double)
 cdef int begin(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(MetreMovers t, i64 own) except -2 nogil

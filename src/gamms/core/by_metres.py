@@ -183,7 +183,7 @@ def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     target = -1
     can_go = True
     if t.decides_by[i] == moves.IS_GIVEN and t.edges[row] != moves.NONE:
-        go_over(games, t, row, i)
+        go_over(t, row, own)
     elif t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
         go_along(t, row, own)
     else:
@@ -207,21 +207,28 @@ def go_along(t: MetreMovers, row: int, own: int) -> int:
     return 0
 
 
-def go_over(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
-    """Move an agent to the end of the edge that its action names, out of its node; or on along its edge, or back."""
-    own = t.first + i
+def go_over(t: MetreMovers, row: int, own: int) -> int:
+    """Move an agent to the end of the edge that its action names, out of its node; or on along its edge, or back.
+
+    `own` is the row of its path, which may have legs already, if it decides on arrival.
+    """
     edge = t.edges[row]
     on = t.trips.edge[own]
     if edge < 0:
         return 0
     if on >= 0:
         return travel.go(t.roads, t.trips, own, travel.FORWARD if edge == on else travel.BACK, 0)
-    node = games.node[row]
-    travel.begin(t.trips, own, node, edge, 0.0, travel.FORWARD, 0.0, t.speeds[i], t.most_edges)
+    legs = t.trips.legs[own]
+    now = t.trips.now[own]
+    t.trips.edge[own] = edge
+    t.trips.share[own] = 0.0
+    t.trips.motion[own] = travel.FORWARD
     travel.go(t.roads, t.trips, own, travel.FORWARD, 0)
     if t.trips.edge[own] >= 0 and t.trips.share[own] == 0.0:  # it has not left its node
-        travel.begin(t.trips, own, node, -1, 0.0, travel.STOPPED, 0.0, t.speeds[i], t.most_edges)
-        travel.stand(t.roads, t.trips, own)
+        t.trips.legs[own] = legs
+        t.trips.now[own] = now
+        t.trips.edge[own] = -1
+        t.trips.motion[own] = travel.STOPPED
     return 0
 
 

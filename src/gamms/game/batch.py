@@ -367,7 +367,6 @@ class Batch(Surface, Immutable, NotPickled):
         """Play one turn of the games, which have played `turns`, (games,)."""
         engine = self._engine
         separate = self._separate
-        self._let_namers_leave(given, turns)
         going = separate.going if separate and self._ran_from is None else []
         separate.check(given if going else {})
 
@@ -386,18 +385,6 @@ class Batch(Surface, Immutable, NotPickled):
             self._play_turn(given, threads, self._engine.turns())
         finally:
             self._given_now = {}
-
-    def _let_namers_leave(self, given: Mapping[Hashable, OutsideActions], turns: IntArray) -> None:
-        """Play games in which actions name edges at arrivals in contexts of their own from now on, before any plays."""
-        if self.game.settings()["decide"] != "arrival":
-            return
-        names_edge = np.zeros(len(self), np.bool_)
-        for one in given.values():
-            names_edge |= one.find_namers()
-        for number in np.flatnonzero(names_edge & ~self._engine.is_over).tolist():
-            if number not in self._separate:
-                self._refuse_unknown_past(number)
-                self._separate.add(number, "an action from outside names an edge by its id", int(turns[number]))
 
     def _take_leaving(self, leaving: Mapping[int, LeavingGame], turns: IntArray) -> None:
         """Play games in contexts of their own from now on.
@@ -452,7 +439,6 @@ class Batch(Surface, Immutable, NotPickled):
     def _as_given(self, team: Hashable, value: object) -> OutsideActions:
         """Return the checked actions of a team; copies if they are kept."""
         members = self._roster.members(team)
-        self._keeps_given |= isinstance(value, Mapping) and "edges" in value  # games may leave
         given = as_given(value, team, (len(self), len(members)), is_copied=self._keeps_given)
         if given.flights is not None and not self._roster.flies[members].any():
             raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")

@@ -391,8 +391,7 @@ class GamesOnOneMap:
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
             for some in self._by_roads(asked) if len(agents) and len(asked) else ():
                 view = asked_view(self.state, some, agents, here)
-                if here is None:
-                    view._named = np.full(view.node.shape, NO_EDGE)
+                view._named = np.full(view.node.shape, NO_EDGE)
                 rows = np.ix_(some, agents)
                 if here is not None:
                     view.draw = view.draw.after(self.core.drawn[rows]).only(view.mask)
@@ -1304,7 +1303,8 @@ class BatchEngine(TurnDriver):
             for team, wanted in given.items() if len(games) else ():
                 agents = self._now.agents.members[team]
                 view = asked_view(one.state, games, agents, here)
-                wanted.check_edges(view, f"team {shown(team)}")
+                if not one.core.arrival:  # an edge that is not legal where an agent arrives lets it stay there
+                    wanted.check_edges(view, f"team {shown(team)}")
                 edges = wanted.edges_in(view)
                 if edges is not None and (edges != NO_EDGE).any():
                     rows = np.ix_(games, agents)
@@ -1381,6 +1381,8 @@ class BatchEngine(TurnDriver):
                 turned = len(self._state.turning)
                 for one in self._in_use:
                     one.core.turned = turned
+                if number > 0:
+                    self._block.edges.begin_arrival()
                 self._ask_at_arrivals(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
                 for one, games in self._each(now):
@@ -1396,6 +1398,7 @@ class BatchEngine(TurnDriver):
                     one.core.arrival = number
             is_played = True
         finally:
+            self._block.edges.end_arrivals()
             for one in self._maps:
                 one.core.end_arrivals(is_played=is_played)
 

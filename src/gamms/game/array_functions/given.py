@@ -70,13 +70,6 @@ class OutsideActions(NamedTuple):
         found: IntArray = np.where((edges >= 0) & ~is_legal, STOP, edges)
         return found
 
-    def find_namers(self) -> BoolArray:
-        """Return in which games an action names an edge, (games,)."""
-        if self.edges is None:
-            return np.zeros(len(self.moves), np.bool_)
-        found: BoolArray = np.asarray((self.edges >= 0).any(axis=1))
-        return found
-
     def check_edges(self, view: ArrayView, by: str) -> None:
         """Refuse edges that agents in the mask of a view may not take, unless these agents may stay.
 
@@ -248,7 +241,8 @@ class _OutsideStrategy:
             return
         if self.given.edges is not None and self.given.edges[number, i] >= 0:
             edge = int(self.given.edges[number, i])
-            is_legal = not self.given.may_stay or edge in state["legal_edges"]
+            may_stay = self.given.may_stay or state.get("time", 0.0) > 0.0  # it counts for all arrivals of a turn
+            is_legal = not may_stay or edge in state["legal_edges"]
             state["action"] = {**({"edge": edge} if is_legal else {}), "do": do}
             return
         legal = state["legal"]

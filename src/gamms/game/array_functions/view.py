@@ -93,7 +93,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
-    _named: IntArray | None = None  # the edges that the agents take, -1: none; None: no strategy decides in one game
+    _named: IntArray | None = None  # the edges that the agents take, -1: none; None: no strategy is deciding
     _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
     _width: int | None = None  # the number of actions that vectors have entries for; None: that of the map
 
@@ -248,8 +248,6 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
     def take_edges(self, edges: object) -> None:
         """Make agents take edges, whatever moves the strategy returns for them.
 
-        Where agents decide at arrivals, batches call a strategy that calls this game by game.
-
         Args:
             edges: the ids of edges, (games, agents), of those in `view["legal_edges"]`; -1: the agent moves as the
                 strategy returns. Agents outside the view's mask are skipped.
@@ -257,10 +255,8 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         Raises:
             BadType, BadValue: they are not integers, or no strategy is deciding.
         """
-        if self._deeds is None:
-            raise BadValue("view.take_edges works only while a strategy decides: games.step takes 'edges', too.")
         if self._named is None:
-            raise NeedsEachGame("view.take_edges")
+            raise BadValue("view.take_edges works only while a strategy decides: games.step takes 'edges', too.")
         wanted = as_edges(edges, "edges", self.node.shape)
         np.copyto(self._named, wanted, where=self.mask & (wanted >= 0))
 

@@ -409,13 +409,15 @@ class NamedEdges:
         shape: the numbers of games and agents.
 
     Attributes:
-        rows: (games, agents) the rows of the edges; see `moves.OneEdgeMovers`.
+        rows: (games, agents) the rows of the edges; see `moves.OneEdgeMovers`. While agents decide on arrival, those
+            that are named there.
         are_any: (1,) whether there are any; else all rows are `moves.NO_EDGE`.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.rows = np.full(shape, moves.NO_EDGE)
         self.are_any = np.zeros(1, np.bool_)
+        self._first: IntArray | None = None  # the rows with which agents have set out; None: `rows`
 
     def put(self, where: tuple[Any, ...], edges: IntArray, columns: GraphColumns) -> None:
         """Set edges, by their ids, or `NO_EDGE` or `STOP`.
@@ -435,9 +437,23 @@ class NamedEdges:
             self.rows.fill(moves.NO_EDGE)
             self.are_any[0] = False
 
+    def begin_arrival(self) -> None:
+        """Keep the edges with which agents have set out, and forget those that were named on arrival."""
+        if self._first is None:
+            self._first = self.rows.copy()
+        self.forget()
+
+    def end_arrivals(self) -> None:
+        """Return to the edges with which agents have set out."""
+        if self._first is not None:
+            self.rows[:] = self._first
+            self.are_any[0] = (self._first != moves.NO_EDGE).any()
+            self._first = None
+
     def find(self, game: int, agents: IntArray, columns: GraphColumns) -> IntArray:
-        """Return the ids of the edges that agents of a game have named, -1 for none; agent -1 is none."""
-        rows = np.where(agents >= 0, self.rows[game, agents], moves.NO_EDGE)
+        """Return the ids of the edges with which agents of a game have set out, -1 for none; agent -1 is none."""
+        first = self.rows if self._first is None else self._first
+        rows = np.where(agents >= 0, first[game, agents], moves.NO_EDGE)
         return np.where(rows >= 0, columns.edge_ids[rows], moves.NO_EDGE)
 
 

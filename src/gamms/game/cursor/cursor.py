@@ -537,8 +537,6 @@ class Cursor:
 
     def _name_edge(self, agent: int, edge: int) -> None:
         """Let an agent of the current game take an edge."""
-        if self._core.arrival is not None:
-            self._shown.go_alone("chooses an edge by its id on arrival")
         self._core.edges.put((self._pointed.number, agent), np.array(edge), self._state.movement.columns)
 
     def _take_deeds(self, decisions: Decisions, asked: AskedAgents) -> None:

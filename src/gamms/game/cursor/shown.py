@@ -408,6 +408,10 @@ class ShownGame(GamesInContext):
             acting = np.where(found.moves, agents, -1)
             actions = {names[place]: one for place, one in self._flights_of(acting, found.starts).items()}
         node_of = dict(zip(names, found.starts, strict=True))
+        named = self._core.edges.find(number, agents, self._state.movement.columns).tolist()
+        for name, edge in zip(names, named, strict=True):
+            if edge >= 0:
+                actions[name] = ResolvedAction(node_of[name], (node_of[name],), edge=edge)
         headings = {}
         now = self._core.turned if self._core.arrival else len(self._state.turning)
         for place, (game, agent, heading) in enumerate(self._state.turning):
@@ -931,7 +935,7 @@ class ShownGame(GamesInContext):
         first = ids(starts).tolist()
         if self._state.flights is not None:
             actions = self._flights_of(acting, first)
-        if self._core.edges.are_any[0]:
+        if self._core.edges.are_any[0] and self._core.arrival is None:
             actions |= self._along_named(acting, ids(ends).tolist(), first)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
