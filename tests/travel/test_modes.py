@@ -203,7 +203,7 @@ def test_a_game_whose_moves_need_no_edges_refuses_modes():
         for edge in [*ctx.graph.get_edges()]:
             ctx.graph.update_edge({"id": edge, "drive": True})
         ctx.agent.create_agent("a", start_node_id=0, mode="drive", strategy=strategies.random_walk)
-        with pytest.raises(BadValue, match="Agents have mode="):
+        with pytest.raises(BadValue, match=r"Agent 'a' has mode='drive'.*leave out mode="):
             ctx.game.step()
 
 

@@ -337,29 +337,115 @@ def town(tmp_path_factory):
     return folder
 
 
-def drive_in(folder, strategy="gamms.strategies:random_walk", **more):
+def drive_in(folder, strategy="gamms.strategies:random_walk", speed=None, **more):
     cars = {"count": 2, "mode": CAR, "strategy": strategy, "sensors": {"near": {"type": "NEIGHBOR"}}}
+    if speed is not None:
+        cars["speed"] = speed
     walkers = {"count": 1, "mode": "on_foot", "strategy": "gamms.strategies:random_walk"}
     return Scenario(
         map={"file": "town.gamms"}, max_turns=12, teams={"cars": cars, "walkers": walkers}, folder=folder, **more
     )
 
 
-def test_a_game_in_a_batch_is_the_game_alone(town):
-    scenario = drive_in(town)
-    with scenario.batch(4) as games:
-        games.run()
-        assert len(games.detached) == 4
-        for number, seed in enumerate(games.seeds):
-            alone = scenario.play(seed=seed)
-            assert games.result(number) == alone
-            again = games.context(number)
-            assert again.game.internals.state.driven.keys() == {"cars_0", "cars_1"}
-        games.reset(seeds=[*range(10, 14)])
-        games.run()
-        assert games.result(2) == scenario.play(seed=12)
-        with pytest.raises(BadValue, match="does not know turn restrictions"):
-            games.columns()
+def score_edges(ctx):
+    """Score the edges of the last moves and the times at their ends."""
+    legs = [leg for move in (ctx.game.moves or {}).values() for leg in move.legs]
+    points = sum(leg.edge * 7 + leg.source + 100 * leg.until for leg in legs)
+    ctx.game.scores["cars"] = 1.01 * ctx.game.scores.get("cars", 0) + points
+
+
+def close_and_place(ctx):
+    """Score the last moves, close and open roads, and place a car anywhere."""
+    score_edges(ctx)
+    turn = ctx.game.turn
+    if turn % 5 == 2:
+        ctx.graph.close_roads([turn % 7, 20])
+    if turn % 5 == 4:
+        ctx.graph.open_roads([(turn - 2) % 7, 20])
+    if turn % 4 == 3:
+        ctx.agent.get_agent("cars_1").current_node_id = (turn * 5) % 16
+
+
+def leave(ctx):
+    """Score the last moves, and change what games of a batch share."""
+    score_edges(ctx)
+    if ctx.game.turn == 4:
+        ctx.graph.add_node({"id": 100, "x": 3.0, "y": 4.0})
+
+
+def drive_anyhow(state):
+    """Take a legal edge or node, or a route."""
+    kind = state.draw.below(3)
+    edges = state.legal_edges
+    if kind == 0 and edges:
+        state["action"] = {"edge": edges[state.draw.below(len(edges))]}
+    elif kind == 1:
+        state["action"] = state.legal[state.draw.below(len(state.legal))]
+    else:
+        state["action"] = [state.draw.below(16)]  # often illegal
+
+
+@gamms.array_strategy
+def take_first_edges(view):
+    """Take the first legal edge in some turns, and go to the last legal node in others."""
+    edges = view["legal_edges"]
+    if edges.shape[-1] and view.turn[0] % 3 == 0:
+        view.take_edges(edges[..., 0])
+    return (view["legal"] >= 0).sum(axis=-1) - 1
+
+
+@gamms.array_strategy
+def go_around(view):
+    """Go toward one node after the other."""
+    targets = (view.turn[:, None] // 5 * 7 + 3 * view.agents) % (SIDE * SIDE)
+    return np.maximum(view.towards(targets), 0)
+
+
+DRIVERS = {"anyhow": drive_anyhow, "edges": take_first_edges, "around": go_around, "walk": None}
+TAG = {"rule": "tag", "with": {"taggers": "walkers", "tagged": "cars", "then": "respawn"}}
+
+
+@pytest.mark.parametrize(
+    ("driver", "speed"),
+    [("walk", None), ("edges", None), ("anyhow", 0.5), ("around", 2.5), ("edges", 2.5), ("walk", float("inf"))],
+)
+def test_a_game_in_a_batch_is_the_game_alone(town, driver, speed):
+    strategies = {} if DRIVERS[driver] is None else {"strategies": {"cars": DRIVERS[driver]}}
+    order = {"order": [["walkers"], ["cars"]]}
+    functions = f"{__name__}:{{}}".format
+    for number, more in enumerate(
+        (
+            {"rules": [TAG], "conflicts": {"capacity": 1}, "settings": order},
+            {"rules": [TAG, functions("close_and_place")]},
+            {"rules": [{"rule": functions("leave"), "phase": "before"}]},
+        )
+    ):
+        scenario = drive_in(town, speed=speed, allow=[__name__], **more)
+        with scenario.batch(2, **strategies) as games:
+            games.run()
+            assert bool(games.detached) == (number == 2)
+            for game, seed in enumerate(games.seeds):
+                assert games.result(game) == scenario.play(seed=seed, **strategies)
+
+
+@pytest.mark.parametrize("speed", [None, 2.5])
+def test_a_batch_goes_on_with_the_edges_driven(town, speed):
+    with drive_in(town, speed=speed).build(seed=5) as ctx:
+        for _ in range(4):
+            ctx.game.step()
+        legal = ctx.game.internals.parts.turns.legal(["cars_0", "cars_1"])
+        with ctx.game.batch(2) as games:
+            for row in games.observe("cars")["legal"]:
+                shown = {f"cars_{place}": tuple(nodes[nodes >= 0].tolist()) for place, nodes in enumerate(row)}
+                assert shown == legal
+            before = games.columns()
+            games.run()
+            nodes = games.columns()["node"]
+            games.load(before, turn=4)
+            games.run()
+            assert (games.columns()["node"] == nodes).all()
+            with pytest.raises(BadValue, match="'driven' has"):
+                games.load({**before, "driven": before["driven"] + 10**6}, turn=4)
 
 
 def test_views_and_learners_have_the_legal_nodes_of_agents_that_obey_turns(town):
@@ -400,35 +486,78 @@ GOING = {
 }
 
 
+@pytest.mark.parametrize("speeds", [[None], [0.5, 1.0, 2.5, float("inf"), None]])
 @pytest.mark.parametrize("seed", range(2))
-def test_shipped_strategies_that_go_to_nodes_make_no_forbidden_turn(seed):
+def test_drivers_make_no_forbidden_turn(seed, speeds):
     roads = draw_roads(seed)
     draw = random.Random(seed)
     with open_town(roads, seed) as ctx:
         lengths = {id: ctx.graph.get_edge(id).length for id in roads}
-        for number, (name, make) in enumerate(GOING.items()):
+        going = {**GOING, "anyhow": lambda _, __: drive_anyhow}
+        for number, (name, make) in enumerate(going.items()):
             agent = ctx.agent.create_agent(
                 name,
                 start_node_id=number,
                 mode=CAR,
+                speed=speeds[number % len(speeds)],
                 team="ab"[number % 2],
                 strategy=make(ctx, draw),
                 sensors={"eyes": gamms.sensor.agent_range(range_m=25)},
             )
             assert agent.mode == "drive with turns"
-        history = {name: [] for name in GOING}
+        history = {name: [] for name in going}
         moved = 0
         for _ in range(40):
             ctx.game.step()
             for agent in ctx.agent.create_iter():
                 legs = ctx.game.tracks([agent])[0].legs
-                if legs:
-                    (leg,) = legs
+                assert len(legs) < 2 or agent.speed is not None
+                for leg in legs:
                     assert leg.edge in list_legal(roads, lengths, history[agent.name], leg.source)
                     history[agent.name].append(leg.edge)
                     moved += 1
+                assert not legs or legs[-1].target == agent.current_node_id
         assert moved > 100
-        assert ctx.game.errors == []
+        assert {error["agent"] for error in ctx.game.errors} <= {"anyhow"}
+
+
+def test_with_a_speed_the_legal_nodes_are_those_of_all_drives_that_obey(corner):
+    agent = corner.agent.create_agent("car", start_node_id=0, speed=2.5, mode=CAR)
+    legal = corner.game.internals.parts.turns.legal
+    assert legal(["car"]) == {"car": (0, 1, 2)}  # the turn from 0 over 1 to 3 is forbidden
+    agent.speed = 4.0
+    assert legal(["car"]) == {"car": (0, 1, 2, 3)}  # 0, 1, 2, and back over 1 to 3
+    agent.strategy = lambda state: state.update(action=3)
+    corner.game.step()
+    assert corner.game.tracks([agent])[0].path == (0, 1, 2, 1, 3)
+    assert [leg.edge for leg in corner.game.tracks([agent])[0].legs] == [0, 2, 3, 4]
+
+
+def test_with_a_speed_below_one_the_turn_counts_where_the_agent_arrives(corner):
+    agent = corner.agent.create_agent("car", start_node_id=0, speed=0.75, mode=CAR)
+    agent.strategy = lambda state: state.update(action=state.legal[-1])
+    seen = []
+    for _ in range(4):
+        corner.game.step()
+        seen.append((agent.current_node_id, corner.game.internals.parts.turns.legal(["car"])["car"]))
+    assert seen == [(0, (0, 1)), (1, (1, 2)), (1, (1, 2)), (2, (2, 1))]
+
+
+def test_a_loop_back_to_its_node_forgets_nothing_and_a_return_to_it_does(corner):
+    car = corner.agent.create_agent("car", start_node_id=1, speed=2.0, mode=CAR, team="b")
+    legal = corner.game.internals.parts.turns.legal
+    for action in ([2, 1], 1):  # then it waits
+        car.strategy = lambda state, action=action: state.update(action=action)
+        corner.game.step()
+        assert car.current_node_id == 1
+        assert legal(["car"]) == {"car": (1, 0, 3)}  # it came from 2, and does not turn back
+    with corner.game.batch(1) as games:
+        assert games.observe("b")["legal"][0, 0].tolist() == [1, 0, 3]
+    corner.agent.create_agent("cop", start_node_id=0, team="a", strategy=strategies.stay)
+    corner.game.add(tag("a", "b", then="respawn"))
+    car.strategy = lambda state: state.update(action=0)
+    corner.game.step()
+    assert legal(["car"]) == {"car": (1, 0, 2, 3)}
 
 
 def test_goto_takes_the_shortest_route_that_obeys_turns(corner):
@@ -487,14 +616,10 @@ def test_strategies_that_do_not_know_turns_refuse(corner, make):
     ("change", "message"),
     [
         (
-            lambda ctx: setattr(ctx.agent.get_agent("car"), "speed", 2.0),
-            "'car' obeys .* one edge per turn",
-        ),
-        (
             lambda ctx: (setattr(ctx.game, "speed_unit", "metres"), setattr(ctx.game, "decide", "arrival")),
             "'car' obeys .* decide='turn'",
         ),
-        (lambda ctx: setattr(ctx.game, "legal", "any"), r"'car' has mode=.* leave out mode=.* respawn\(agent, node\)"),
+        (lambda ctx: setattr(ctx.game, "legal", "any"), r"'car' has mode=.* leave out mode=.*respawn\(agent, node\)"),
     ],
 )
 def test_games_that_do_not_know_turns_refuse_them(corner, change, message):
@@ -520,26 +645,25 @@ def test_a_game_is_solved_with_the_edges_that_agents_have_driven(corner, tmp_pat
 
 
 @gamms.array_strategy
-def last_legal(view):
-    """Go to the last legal node."""
-    return (view["legal"] >= 0).sum(axis=-1) - 1
-
-
-@gamms.array_strategy
 def towards_three(view):
     return view.towards(np.full(view.node.shape, 3))
 
 
-def test_array_strategies_see_the_legal_nodes_by_the_edges_driven(town):
-    alone = drive_in(town)
-    with alone.batch(3, strategies={"cars": last_legal}) as games:
-        games.run()
-        for number, seed in enumerate(games.seeds):
-            result = alone.play(seed=seed, strategies={"cars": last_legal})
-            assert games.result(number) == result
-            assert not result.errors
-    with pytest.raises(BadValue, match=r"view\.towards does not know turn restrictions"):
-        alone.play(seed=1, strategies={"cars": towards_three})
+@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}])
+def test_array_strategies_go_toward_nodes_by_legal_turns(corner, settings):
+    for name, value in settings.items():
+        setattr(corner.game, name, value)
+    agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=towards_three(corner))
+    where = []
+    for _ in range(4):
+        corner.game.step()
+        where.append(agent.current_node_id)
+    assert where == [1, 2, 1, 3]
+
+
+def test_tables_of_routes_by_nodes_refuse_agents_that_obey_turns(town):
+    with drive_in(town).batch(2) as games, pytest.raises(BadValue, match=r"view\.towards knows turns"):
+        games.observe("cars").routes()
 
 
 def draw_block(seed, columns):
@@ -966,8 +1090,11 @@ def test_a_game_by_metres_is_the_same_in_a_batch_from_a_snapshot_and_in_its_reco
     )
     with scenario.batch(3) as games:
         games.run()
+        assert len(games.detached) == 3
         for number, seed in enumerate(games.seeds):
             assert games.result(number) == scenario.play(seed=seed)
+        with pytest.raises(BadValue, match="by metres it does not know turn restrictions"):
+            games.columns()
     with scenario.build(seed=4) as ctx:
         for _ in range(5):
             ctx.game.step()

@@ -43,6 +43,112 @@ class LegalByEdges(LegalNodes):
         return self.reach.found
 
 
+class TrafficStates:
+    """The states of traffic that obeys turn restrictions: by which edges it has come to its node.
+
+    The first states are those of `kernels.turn_states`; behind them is one for each node, where traffic begins there;
+    then follow those of further modes. The states of several maps, which differ in the open edges, follow each other.
+    The position of a state in this sequence is its place.
+
+    Attributes:
+        nodes: (states,) the node of each state.
+        edges: (states,) the last edge; -1: traffic begins on the node.
+        sources: (states,) the node at the beginning of this edge; -1: traffic begins on the node.
+        begin_of_agent: (agents,) the number of the state in which traffic begins on the first node, by the mode of each
+            agent; -1: it obeys no turns.
+        begin: this number for the agent in use.
+        offsets: (places + 1,) the states that may follow at place `i` are `after[offsets[i]:offsets[i + 1]]`.
+        after: states, in the order of the legal nodes; of several edges to a node, the cheapest first.
+        kept: (places,) the state that is left of each one, because edges are closed; -1: none.
+        first: the place of the first state on the map in use.
+        first_of_game: (games,) the same for the map of each game.
+        driven: (rows,) what agents have driven: their state; `-2 - state`: their last move has ended on the node on
+            which it began; -1: they begin on their nodes.
+        driving: (rows,) the same after the moves that are under way.
+        route: (states,) a route, without the state in which it begins.
+        marks, search: (states,) the number of the last search that has seen each state, and that of the present one.
+        queue, count: (states,) the states that a search has seen, in this order.
+        before, hops: (states,) the state before each of them, and the number of edges to it.
+    """
+
+    def __init__(
+        self,
+        nodes: memoryview[int],
+        edges: memoryview[int],
+        sources: memoryview[int],
+        begin_of_agent: memoryview[int],
+        working: memoryview[int],
+        driven: memoryview[int],
+        driving: memoryview[int],
+    ) -> None:
+        count = len(nodes)
+        self.nodes = nodes
+        self.edges = edges
+        self.sources = sources
+        self.begin_of_agent = begin_of_agent
+        self.begin = 0
+        self.first = 0
+        self.route = working[:count]
+        self.marks = working[count : 2 * count]
+        self.queue = working[2 * count : 3 * count]
+        self.before = working[3 * count : 4 * count]
+        self.hops = working[4 * count : 5 * count]
+        self.search = 0
+        self.count = 0
+        self.driven = driven
+        self.driving = driving
+
+    def take_maps(
+        self,
+        offsets: memoryview[int],
+        after: memoryview[int],
+        kept: memoryview[int],
+        first_of_game: memoryview[int],
+    ) -> None:
+        """Set what is legal on each map; see the attributes."""
+        self.offsets = offsets
+        self.after = after
+        self.kept = kept
+        self.first_of_game = first_of_game
+
+
+class LegalWithTurns(LegalNodes):
+    """The legal nodes of agents by edges that obey turn restrictions, with or without speeds.
+
+    Attributes:
+        states: the states of traffic.
+    """
+
+    def __init__(self, states: TrafficStates, reach: ReachSearch) -> None:
+        super().__init__(reach)
+        self.states = states
+
+    def find(self, node: int, edge: int, share: float, motion: int, speed: float, now: float) -> int:
+        """Find the legal nodes of an agent in the state `node`; return their number.
+
+        `edge` is the node at the end of a partial edge.
+        """
+        return list_with_turns(self.states, self.reach, node, edge, share, speed)
+
+
+class PathsWithTurns:
+    """Finds the paths of agents by edges that obey turn restrictions.
+
+    In `TurnPaths`, `edge` and `share` are as in `EdgePaths`; `edges` lead to the nodes after the first, and on to the
+    node ahead. There are no legs.
+
+    Attributes:
+        trips: the paths.
+        states: the states of traffic.
+        reach: receives the legal nodes of one agent.
+    """
+
+    def __init__(self, trips: TurnPaths, states: TrafficStates, reach: ReachSearch) -> None:
+        self.trips = trips
+        self.states = states
+        self.reach = reach
+
+
 class EdgePaths:
     """Finds the paths of agents in a turn, along several edges or parts of edges.
 
@@ -75,12 +181,14 @@ class EdgeMovers(TripMovers):
         paths: finds the paths.
         long_ways: the shortest paths of agents that go beyond their legal nodes, if some do (`goes_far`).
         speeds: (agents,) edges per turn; NaN: the agent moves along one edge.
+        with_turns: the paths of agents that obey turn restrictions, if some do (`obey_turns`).
     """
 
     def __init__(
         self,
         paths: EdgePaths,
         long_ways: GoalPaths | None,
+        with_turns: PathsWithTurns | None,
         *movers: Any,
         speeds: memoryview[float],
         has_all: bool,
@@ -90,6 +198,8 @@ class EdgeMovers(TripMovers):
         super().__init__(self.paths.trips, *movers, has_all=has_all, **columns)
         self.long_ways = long_ways
         self.goes_far = long_ways is not None
+        self.with_turns = with_turns
+        self.obey_turns = with_turns is not None
         self.speeds = speeds
 
     def decide(self, games: GameColumns, game: int) -> int:
@@ -201,7 +311,7 @@ def go_towards(walks: EdgePaths, row: int, ways: GoalPaths, memory: int, target:
     node = walks.trips.node[row]
     if walks.trips.speed[row] != walks.trips.speed[row]:  # NaN
         walks.trips.route[0] = target
-        walk(walks, row, 1)
+        walk(walks.trips, row, 1)
         return True
     by_hops = ways is walks.hops
     first = target
@@ -219,31 +329,272 @@ def go_towards(walks: EdgePaths, row: int, ways: GoalPaths, memory: int, target:
     while walks.trips.route[count - 1] != target and count <= whole_edges(walks.trips.speed[row] + 1.0):
         walks.trips.route[count] = travel.following(ways, memory, walks.trips.route[count - 1], target)
         count += 1
-    walk(walks, row, count)
+    walk(walks.trips, row, count)
     return True
 
 
-def walk(walks: EdgePaths, row: int, count: int) -> int:
+def walk(trips: TurnPaths, row: int, count: int) -> int:
     """Move an agent along the first `count` nodes of the route, at least one, as far as its speed allows."""
     budget = 1.0
-    speed = walks.trips.speed[row]
+    speed = trips.speed[row]
     if speed == speed:  # noqa: PLR0124 - not NaN
-        budget = speed + (walks.trips.share[row] if walks.trips.route[0] == walks.trips.edge[row] else 0.0)
-    walks.trips.edge[row] = -1
-    walks.trips.share[row] = 0.0
+        budget = speed + (trips.share[row] if trips.route[0] == trips.edge[row] else 0.0)
+    trips.edge[row] = -1
+    trips.share[row] = 0.0
     edges = 0
-    first = row * (walks.trips.most + 1)
+    first = row * (trips.most + 1)
     while edges < count and edges < whole_edges(budget):
         edges += 1
-        walks.trips.nodes[first + edges] = walks.trips.route[edges - 1]
-    walks.trips.passed[row] = edges + 1
-    walks.trips.node[row] = walks.trips.nodes[first + edges]
+        trips.nodes[first + edges] = trips.route[edges - 1]
+    trips.passed[row] = edges + 1
+    trips.node[row] = trips.nodes[first + edges]
     for place in range(1, edges + 1):
-        walks.trips.times[first + place] = place / edges
+        trips.times[first + place] = place / edges
     left = budget - edges
-    if edges < count and walks.trips.route[edges] != walks.trips.node[row] and travel.SLACK < left < 1.0:
-        walks.trips.edge[row] = walks.trips.route[edges]
-        walks.trips.share[row] = left
+    if edges < count and trips.route[edges] != trips.node[row] and travel.SLACK < left < 1.0:
+        trips.edge[row] = trips.route[edges]
+        trips.share[row] = left
+    return 0
+
+
+# -- traffic with turn restrictions ------------------------------------------------------------------------------------
+
+
+def find_state(s: TrafficStates, row: int, node: int, previous: int, is_paced: bool) -> int:
+    """Return the state of an agent on a node, on the map in use.
+
+    It begins on its node if its last edge is closed, or if something else than its last move has brought it there.
+
+    Args:
+        s: the states.
+        row: the row of the agent.
+        node: its node.
+        previous: its previous node.
+        is_paced: whether it has a speed; then it may have passed several nodes in its last move.
+    """
+    state = s.driven[row]
+    if state == -1:
+        return s.begin + node
+    is_loop = state < -1
+    kept = s.kept[s.first + (-2 - state if is_loop else state)]
+    if kept < 0 or s.nodes[kept] != node:
+        return s.begin + node
+    has_come = s.sources[kept] == previous
+    if is_paced:
+        has_come = is_loop or previous != node
+    return kept if has_come else s.begin + node
+
+
+def find_states(
+    s: TrafficStates,
+    games: memoryview[int],
+    agents: memoryview[int],
+    node: memoryview[int],
+    previous: memoryview[int],
+    speed: memoryview[float],
+    found: memoryview[int],
+    places: memoryview[int],
+) -> int:
+    """Write the states of agents in games, and the places of these states.
+
+    Args:
+        s: the states.
+        games: (entries,) the numbers of games.
+        agents: (entries,) the numbers of agents that obey turns.
+        node: (entries,) their nodes.
+        previous: (entries,) their previous nodes.
+        speed: (entries,) their speeds; NaN: none.
+        found: (entries,) receives the states.
+        places: (entries,) receives their places.
+    """
+    for at in range(len(games)):
+        use_states(s, games[at], agents[at])
+        row = games[at] * len(s.begin_of_agent) + agents[at]
+        is_paced = speed[at] == speed[at]  # not NaN
+        found[at] = find_state(s, row, node[at], previous[at], is_paced)
+        places[at] = s.first + found[at]
+    return 0
+
+
+def use_states(s: TrafficStates, game: int, agent: int) -> int:
+    """Use the map of a game, and the mode of an agent that obeys turns."""
+    s.first = s.first_of_game[game]
+    s.begin = s.begin_of_agent[agent]
+    return 0
+
+
+def keep_state(s: TrafficStates, row: int, state: int) -> int:
+    """Forget what an agent has driven, as far as it is not in its state."""
+    is_loop = s.driven[row] < -1
+    s.driven[row] = -1
+    if s.edges[state] >= 0:
+        s.driven[row] = -2 - state if is_loop else state
+    return 0
+
+
+def begin_search(s: TrafficStates) -> int:
+    """Begin a search by the number of edges."""
+    s.search += 1
+    s.count = 0
+    return 0
+
+
+def see_state(s: TrafficStates, state: int, before: int, hops: int) -> int:
+    """Add a state to a search, unless it has been seen."""
+    if s.marks[state] != s.search:
+        s.marks[state] = s.search
+        s.queue[s.count] = state
+        s.before[state] = before
+        s.hops[state] = hops
+        s.count += 1
+    return 0
+
+
+def see_ahead(s: TrafficStates, state: int, ahead: int, hops: int) -> int:
+    """Add the states on a node that may follow a state to a search; a node of -1 is none."""
+    at = s.first + state
+    for place in range(s.offsets[at], s.offsets[at + 1]):
+        if s.nodes[s.after[place]] == ahead:
+            see_state(s, s.after[place], state, hops)
+    return 0
+
+
+def see_next(s: TrafficStates, state: int) -> int:
+    """Add all states that may follow a state to a search."""
+    at = s.first + state
+    for place in range(s.offsets[at], s.offsets[at + 1]):
+        see_state(s, s.after[place], state, s.hops[state] + 1)
+    return 0
+
+
+def list_seen_within(s: TrafficStates, reach: ReachSearch, hops: float) -> int:
+    """Append the nodes at most `hops` edges from the states that a search begins with, ordered by row."""
+    if hops < 0:
+        return 0
+    reach.count = 0
+    number = 0
+    while number < s.count:
+        at = s.queue[number]
+        number += 1
+        node = s.nodes[at]
+        if reach.places[node] == 0:
+            reach.places[node] = 1
+            reach.seen[reach.count] = node
+            reach.count += 1
+        if s.hops[at] + 1 <= hops:
+            see_next(s, at)
+    number = reach.count
+    travel.sort_seen(reach)
+    for place in range(number):
+        travel.list_node(reach, reach.seen[place], 0.0)
+    return 0
+
+
+def is_ahead(s: TrafficStates, state: int, node: int) -> bool:
+    """Return whether a legal edge leads from a state to a node."""
+    found = False
+    at = s.first + state
+    for place in range(s.offsets[at], s.offsets[at + 1]):
+        found = found or s.nodes[s.after[place]] == node
+    return found
+
+
+def find_way(s: TrafficStates, state: int, ahead: int, target: int) -> int:
+    """Write a route with the fewest edges from a state to another node; return their number, 0 if there is none.
+
+    A route over the node ahead is taken if it is no longer, then the one that a breadth-first search finds first.
+    """
+    begin_search(s)
+    see_state(s, state, -1, 0)
+    see_ahead(s, state, ahead, 1)
+    goal = -1
+    number = 0
+    while goal < 0 and number < s.count:
+        at = s.queue[number]
+        number += 1
+        if s.nodes[at] == target:
+            goal = at
+        else:
+            see_next(s, at)
+    if goal < 0:
+        return 0
+    count = s.hops[goal]
+    for place in range(count, 0, -1):
+        s.route[place - 1] = goal
+        goal = s.before[goal]
+    return count
+
+
+def follow_edges(s: TrafficStates, state: int, edges: memoryview[int], count: int) -> int:
+    """Write the route from a state along the first `count` edges; return how many of them follow each other."""
+    for number in range(count):
+        at = s.first + state
+        found = -1
+        for place in range(s.offsets[at], s.offsets[at + 1]):
+            if s.edges[s.after[place]] == edges[number]:
+                found = s.after[place]
+        if found < 0:
+            return number
+        s.route[number] = found
+        state = found
+    return count
+
+
+def begin_with_turns(p: PathsWithTurns, row: int, state: int, ahead: int, covered: float, speed: float) -> int:
+    """Place an agent on its start node; the covered part of an edge that it may not go on along is dropped."""
+    at = ahead if ahead >= 0 and is_ahead(p.states, state, ahead) else -1
+    return travel.begin(p.trips, row, p.states.nodes[state], at, covered, 0, 0.0, speed, 0)
+
+
+def find_legal_with_turns(p: PathsWithTurns, row: int, state: int) -> int:
+    """Find the legal nodes of an agent on its start node; return their number."""
+    return list_with_turns(p.states, p.reach, state, p.trips.edge[row], p.trips.share[row], p.trips.speed[row])
+
+
+def list_with_turns(s: TrafficStates, reach: ReachSearch, state: int, ahead: int, share: float, speed: float) -> int:
+    """Find the legal nodes of an agent in a state, with a share of an edge to the node ahead; return their number."""
+    reach.search += 1
+    reach.found = 0
+    travel.list_node(reach, s.nodes[state], 0.0)
+    at = s.first + state
+    for place in range(s.offsets[at], s.offsets[at + 1]):
+        travel.list_node(reach, s.nodes[s.after[place]], 0.0)
+    if speed == speed:  # noqa: PLR0124 - NaN
+        begin_search(s)
+        see_state(s, state, -1, 0)
+        list_seen_within(s, reach, whole_edges(speed))
+        begin_search(s)
+        see_ahead(s, state, ahead, 0)
+        list_seen_within(s, reach, whole_edges(speed + share) - 1)
+    return reach.found
+
+
+def go_to_with_turns(p: PathsWithTurns, row: int, state: int, target: int) -> bool:
+    """Move an agent toward another node until the turn is over; return whether it can."""
+    count = find_way(p.states, state, p.trips.edge[row], target)
+    if count > 0:
+        drive(p.states, p.trips, row, count)
+    return count > 0
+
+
+def go_along_with_turns(p: PathsWithTurns, row: int, state: int, count: int) -> int:
+    """Move an agent along the first `count` edges of `TurnPaths.route`, at least one, as far as its speed allows."""
+    number = follow_edges(p.states, state, p.trips.route, count)
+    if number > 0:
+        drive(p.states, p.trips, row, number)
+    return number
+
+
+def drive(s: TrafficStates, trips: TurnPaths, row: int, count: int) -> int:
+    """Move an agent along the first `count` states of a route, as far as its speed allows."""
+    most = (trips.speed[row] + 1.0) * (1.0 + travel.SLACK)  # NaN without a speed
+    number = 0
+    while number < count and (number == 0 or number <= most):
+        trips.route[number] = s.nodes[s.route[number]]
+        number += 1
+    walk(trips, row, number)
+    for place in range(min(number, trips.passed[row])):
+        trips.edges[row * trips.most + place] = s.edges[s.route[place]]
     return 0
 
 
@@ -269,6 +620,8 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     row = game * games.agents + i
     own = w.first + i
     node = games.node[row]
+    if w.obey_turns and w.with_turns.states.begin_of_agent[i] >= 0:  # type: ignore[union-attr] # some obey them
+        return choose_with_turns(games, w, w.with_turns, game, i)  # type: ignore[arg-type]
     begin(w.paths, own, node, games.edge[row], games.share[row], w.speeds[i])
     target = -1
     count = 0
@@ -282,7 +635,7 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         else:
             target = target_of(games, w, game, i)
     if count > 0:
-        walk(w.paths, own, count)
+        walk(w.trips, own, count)
     elif target >= 0 and target != node:
         if w.paths.legal.reach.listed[target] == w.paths.legal.reach.search:
             go_towards(w.paths, own, w.paths.hops, row, target)
@@ -294,10 +647,63 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     return 0
 
 
+def choose_with_turns(games: GameColumns, w: EdgeMovers, p: PathsWithTurns, game: int, i: int) -> int:
+    """Decide for an agent that obeys turn restrictions, and write its path through the turn."""
+    row = game * games.agents + i
+    own = w.first + i
+    node = games.node[row]
+    by = w.decides_by[i]
+    use_states(p.states, game, i)
+    state = find_state(p.states, row, node, games.previous[row], w.speeds[i] == w.speeds[i])
+    begin_with_turns(p, own, state, games.edge[row], games.share[row], w.speeds[i])
+    has_route = False
+    target = -1
+    if games.alive[row]:
+        w.blocked[row] = 0
+        keep_state(p.states, row, state)
+        if by == moves.IS_GIVEN and w.edges[row] >= 0:
+            w.trips.route[0] = w.edges[row]
+            has_route = go_along_with_turns(p, own, state, 1) > 0
+        elif by == moves.IS_GIVEN and w.given[row] < 0:
+            count = w.routes.take(row, w.trips.route)  # type: ignore[union-attr] # there are some
+            has_route = count > 0 and go_along_with_turns(p, own, state, count) > 0
+        elif by != moves.STAYS:
+            target = draw_with_turns(games, w, p, game, i, state)
+    if target >= 0 and target != node:
+        has_route = go_to_with_turns(p, own, state, target)
+    if not has_route:
+        stand(games, w, row, i)
+    note_driving(p.states, w.trips, row, own, node)
+    w.ends[row] = w.trips.node[own]
+    return 0
+
+
+def draw_with_turns(games: GameColumns, w: EdgeMovers, p: PathsWithTurns, game: int, i: int, state: int) -> int:
+    """Return the legal node that an agent draws, or that it is given by its number."""
+    row = game * games.agents + i
+    count = find_legal_with_turns(p, w.first + i, state)
+    number = moves.as_legal(w.given[row], count)
+    if w.decides_by[i] != moves.IS_GIVEN:
+        number = draws.below_at(w.walks.keys[row], games.turn[game], 0, count)
+    return p.reach.nodes[number]
+
+
+def note_driving(s: TrafficStates, trips: TurnPaths, row: int, own: int, node: int) -> int:
+    """Note the state in which an agent is after its move from a node; `own` is the row of its path."""
+    s.driving[row] = s.driven[row]
+    if trips.passed[own] > 1:
+        state = s.route[trips.passed[own] - 2]
+        s.driving[row] = -2 - state if s.nodes[state] == node else state
+    return 0
+
+
 def go(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Move an agent to the end of its move, and fit its path into its part of the turn."""
     row = game * games.agents + i
     own = w.first + i
+    obeys = w.obey_turns and w.with_turns.states.begin_of_agent[i] >= 0  # type: ignore[union-attr] # some obey them
+    if obeys and games.node[row] == games.start[row] and w.trips.passed[own] > 1:  # no rule has put it elsewhere
+        w.with_turns.states.driven[row] = w.with_turns.states.driving[row]  # type: ignore[union-attr]
     moves.go(games, w, row)
     games.edge[row] = w.trips.edge[own]
     games.share[row] = w.trips.share[own]

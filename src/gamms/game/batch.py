@@ -151,7 +151,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._made_engine()
         self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone, self._let_go)
-        self._obey_turns = self._roster.obey_turns
         self._keeps_given = as_bool(record, "record") or self._engine.may_leave
         self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
         self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
@@ -170,9 +169,9 @@ class Batch(Surface, Immutable, NotPickled):
         self._set_apart(np.arange(len(self)))
 
     def _set_apart(self, games: IntArray) -> None:
-        """Play games in contexts of their own from their start on if agents obey turn restrictions."""
-        if self._obey_turns:
-            why = "agents obey turn restrictions, which the core does not know"
+        """Play games in contexts of their own from their start on if agents by metres obey turn restrictions."""
+        if self._engine.plays_apart:
+            why = "agents by metres obey turn restrictions, which the core does not know"
             self._take_leaving(dict.fromkeys(games.tolist(), LeavingGame(why, None)), self.turn)
 
     def _made_engine(self) -> BatchEngine:
@@ -679,9 +678,10 @@ class Batch(Surface, Immutable, NotPickled):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> GameArrays:
-        if self._obey_turns:
+        if self._engine.plays_apart:
             raise BadValue(
-                f"{what} needs games that the core plays; it does not know turn restrictions, which agents obey."
+                f"{what} needs games that the core plays; by metres it does not know turn restrictions, and agents "
+                "obey them."
             )
         if self._separate or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")

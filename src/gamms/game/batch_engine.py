@@ -737,6 +737,7 @@ class BatchEngine(TurnDriver):
         stop_at: (games,) the turn at which the last run stopped each game; None: it had no limit.
         maps_in_use: the numbers of the maps that games are on.
         newest: the numbers of the maps on which games begin from now on: those that were put last.
+        plays_apart: whether games are played in contexts of their own, because agents by metres obey turn restrictions.
         starts: what the next starts of games have by their seeds.
 
     Raises:
@@ -769,7 +770,7 @@ class BatchEngine(TurnDriver):
         self.newest = range(num_streets)
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, None, others=movements[1:])
-        self._obey_turns = rosters[0].obey_turns
+        self.plays_apart = rosters[0].obey_turns and movements[0].by_metres
         self._state.radio = _radio_of(settings, rosters[0], len(seeds))
         self._radio = self._state.radio
         self._deed_log = self._state.deed_log
@@ -900,8 +901,8 @@ class BatchEngine(TurnDriver):
 
     @property
     def may_leave(self) -> bool:
-        """Whether functions are called, or agents obey turns, which may move games to contexts of their own."""
-        return self.calls_each or len(self.functions) > 0 or self._obey_turns
+        """Whether functions are called, which may move games to contexts of their own, or all games are there."""
+        return self.calls_each or len(self.functions) > 0 or self.plays_apart
 
     @property
     def plays_by_phases(self) -> bool:

@@ -324,10 +324,8 @@ class Slots(Sequence[AgentSlot]):
         have_modes = any(mode is not None for mode in block.modes)
         if have_modes:
             refuse_modes(settings.legal, [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True)])
-            has_pace = (has_speed & (not travels)) | (settings.decide == "arrival")
-            refuse_turns(
-                [(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True) if has_pace[row]]
-            )
+            if settings.decide == "arrival":
+                refuse_turns([(name, block.modes[row]) for name, row in zip(self.names, rows, strict=True)])
         are_slow = not travels and not have_modes and not any(has_speed[rows[i]] for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and are_slow
 
@@ -521,13 +519,13 @@ def refuse_modes(legal: str, agents: Iterable[tuple[str, str | None]]) -> None:
         if legal == "any" and mode is not None:
             raise BadValue(
                 f"Agent {shown(name)} has mode={mode!r}, which says which edges it may use, and with ctx.game.legal = "
-                "'any' moves use no edges: leave out mode=, or leave legal='edges'. There, a rule can put some agents on "
-                "any node: ctx.game.respawn(agent, node)."
+                "'any' moves use no edges: leave out mode=, or leave legal='edges'. There, a rule can put some agents "
+                "on any node: ctx.game.respawn(agent, node)."
             )
 
 
 def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
-    """Refuse agents that obey turn restrictions and move by speeds in edges, or decide on arrival.
+    """Refuse agents that obey turn restrictions and decide on arrival.
 
     Args:
         agents: names and modes.
@@ -541,11 +539,10 @@ def refuse_turns(agents: Iterable[tuple[str, str | None]]) -> None:
         attribute, obeys_turns = split_mode(mode)
         if obeys_turns:
             raise BadValue(
-                f"Agent {shown(name)} obeys turn restrictions (mode {mode!r}), and such agents move along one edge per "
-                "turn, or by metres: give it no speed, or set speed_unit='metres' or 'metres_per_second', and leave "
-                f"decide='turn'. Or make it an agent with mode={attribute!r} and a speed, whose action is the rest of "
-                f"one route that obeys: ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes "
-                "the cheapest."
+                f"Agent {shown(name)} obeys turn restrictions (mode {mode!r}), and such agents decide once in a turn: "
+                f"leave decide='turn'. Or make it an agent with mode={attribute!r}, whose action is the rest of one "
+                f"route that obeys: ctx.graph.shortest_path(a, b, turns={attribute!r}). Of parallel edges it takes the "
+                "cheapest."
             )
 
 

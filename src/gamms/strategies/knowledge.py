@@ -10,17 +10,15 @@ from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
-import numpy as np
-
-from gamms import kernels
 from gamms.arguments import as_function_of, as_items
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
+from gamms.game.movement.routes import RoutesWithTurns
 from gamms.game.movement.travel import find_usable_graph, graph_of
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
-from gamms.ir.graph import FloatArray, IntArray, as_node_id, split_mode
+from gamms.ir.graph import as_node_id, split_mode
 from gamms.plain import Shape
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, EdgeAction, NodeId, State, Strategy
@@ -110,104 +108,11 @@ def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
     mode = getattr(agent, "mode", None)
     if mode is None or not split_mode(mode)[1]:
         return graph_of(ctx, mode)
-    return RoutesWithTurns(ctx, mode, state)
-
-
-class RoutesWithTurns:
-    """The routes of an agent that obeys turn restrictions, as far as shipped strategies ask for them.
-
-    From its own node the agent goes on from the edge by which it came, and on an edge from the end of this edge. From
-    other nodes, any edge is legal.
-
-    Args:
-        ctx: the context.
-        mode: the mode of the agent.
-        state: the state of the agent.
-
-    Attributes:
-        graph: the edges that the mode may use.
-        neighborhoods: of this graph.
-        routes: this object.
-        here: the node from which the agent goes on: its own, or the end of its edge.
-    """
-
-    def __init__(self, ctx: IContext, mode: str, state: State) -> None:
-        self.graph = find_usable_graph(ctx, mode)
-        self.neighborhoods = self.graph.neighborhoods
-        self.routes = self
-        self._turns = split_mode(mode)[0]
-        self.here: int = state["curr_pos"]
-        self._passed = self.here
-        known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
-        self._is_in_game = known is not None
-        self._driven: tuple[int, ...] = () if known is None else known.list_driven(state)
-        if state.get("edge") is not None:  # it goes on from the end of its edge
-            place: Any = state["edge"]
-            self.here = place[1]
-            self._driven = (*self._driven, place[2])
-
-    def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
-        """Return the ids of the edges on the shortest path; None: there is none."""
-        source, driven = self._find_start(source)
-        try:
-            return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
-        except NoPath:
-            return None
-
-    def _find_start(self, source: int) -> tuple[int, tuple[int, ...]]:
-        """Return where a path begins, and the edges driven to this node: the agent goes on from the end of its edge."""
-        return (self.here, self._driven) if source in (self.here, self._passed) else (source, ())
-
-    def find_step(self, target: int) -> tuple[int, int | EdgeAction] | None:
-        """Return the end of the first edge of the shortest path from the agent's own node, and the action to take it.
-
-        Of several edges to this end, the action names the edge, because the path may not go on from the others. None:
-        there is no path.
-        """
-        edges = self.find_path(self.here, target)
-        if edges is None:
-            return None
-        columns = self.graph.columns()
-        (row,) = self._rows(edges[:1])
-        source, end = columns.sources[row], columns.targets[row]
-        leaving = columns.out_edges[columns.offsets[source] : columns.offsets[source + 1]]
-        node = int(columns.node_ids[end])
-        is_alone = np.count_nonzero(columns.targets[leaving] == end) == 1
-        return node, node if is_alone or not self._is_in_game else {"edge": edges[0]}
-
-    def _rows(self, edges: Sequence[int]) -> IntArray:
-        """Return the rows of edges."""
-        columns = self.graph.columns()
-        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
-
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """Return the length of the shortest path; infinite if there is none."""
-        edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
-        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
-
-    def nearest(self, source: int, targets: Iterable[int]) -> int | None:
-        """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
-        far = self.distances(source)
-        return min((target for target in targets if target in far), key=far.__getitem__, default=None)
-
-    def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
-        """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
-        source, driven = self._find_start(source)
-        found: dict[int, float] = self.graph.routes.distances_with_turns(
-            source, None, weight, None, self._turns, driven
-        )
-        return found
-
-    def distance_matrix(self, sources: Sequence[int], targets: IntArray, weight: str | None = "length") -> FloatArray:
-        """Return the lengths of the shortest paths, (sources, targets); infinite if there is none."""
-        ends = targets.tolist()
-        several = [self.distances(source, weight) for source in sources]
-        return np.array([[far.get(end, inf) for end in ends] for far in several]).reshape(len(several), len(ends))
-
-    def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
-        """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
-        far = self.graph.distances(source=[*sources], turns=self._turns)
-        return [far.get(target, inf) for target in targets]
+    known: Any = state.get("fork")  # without a game, in a custom loop, the agent begins on its node
+    driven = () if known is None else known.list_driven(state)
+    place: Any = state.get("edge")
+    graph = find_usable_graph(ctx, mode)
+    return RoutesWithTurns(graph, mode, state["curr_pos"], driven, place, is_in_game=known is not None)
 
 
 def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
@@ -407,7 +312,7 @@ def step_towards(
         is_allowed: whether the agent may enter a node; None: every node.
 
     Returns:
-        See `gamms.game.array_functions.aims.step_towards` and `RoutesWithTurns.find_step`; None if there is no path.
+        See `gamms.game.array_functions.aims.step_towards` and `step_with_turns`; None if there is no path.
 
     Raises:
         BadType: the agent flies.
@@ -419,32 +324,14 @@ def step_towards(
         ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
     graph = graph_for(ctx, state)
-    if isinstance(graph, RoutesWithTurns) and ends and is_allowed is None:
-        return target if target in legal or graph.find_path(graph.here, target) is not None else None
-    if isinstance(graph, RoutesWithTurns) and (ends or target not in legal):
-        return _step_with_turns(graph, state, target, is_allowed)
+    if isinstance(graph, RoutesWithTurns):
+        return aims.step_with_turns(
+            graph, legal, target, has_speed=is_paced, by_metres=bool(ends), is_allowed=is_allowed
+        )
     weight = choose_weight(ctx, state)
     return aims.step_towards(
         graph, here, legal, target, weight=weight, has_speed=is_paced, ends=ends, is_allowed=is_allowed
     )
-
-
-def _step_with_turns(
-    graph: RoutesWithTurns, state: State, target: int, is_allowed: Callable[[int], bool] | None
-) -> int | list[int] | EdgeAction | None:
-    """Return the action of an agent that obeys turn restrictions toward a node; None if there is no path.
-
-    A path may come to nodes again: only its first edge counts, behind the end of the edge that the agent is on.
-    """
-    if target == graph.here:
-        return target
-    found = graph.find_step(target)
-    if found is None:
-        return None
-    node, step = found
-    if is_allowed is not None and not is_allowed(node):
-        return graph.here
-    return step if state.get("edge") is None else [graph.here, node]
 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:

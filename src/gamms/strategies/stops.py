@@ -8,11 +8,11 @@ from gamms.arguments import as_context
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import NoPath
+from gamms.game.movement.routes import RoutesWithTurns
 from gamms.game.movement.travel import graph_of
 from gamms.game.strategy_specs import CoreStep
 from gamms.plain import ID, NUMBER, list_of, optional, record, tuple_of, whole
 from gamms.strategies.knowledge import (
-    RoutesWithTurns,
     as_otherwise,
     graph_for,
     has_speed,

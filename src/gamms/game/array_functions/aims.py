@@ -1,7 +1,7 @@
 """The actions that lead agents toward nodes: steps of strategies, and in array strategies of single games."""
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import takewhile
 from math import isfinite
 from typing import Any
@@ -12,9 +12,11 @@ from gamms.arguments import as_array
 from gamms.core import routes as core
 from gamms.errors import BadType, NoPath
 from gamms.game.movement.legal_moves import Movement
+from gamms.game.movement.routes import RoutesWithTurns
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing.game import EdgeAction
 from gamms.typing.graph_engine import IGraph
 
 _FIRST = 1 << 32  # the number of the first action that is not the number of a legal node
@@ -78,18 +80,69 @@ def step_towards(
     return path[steps]
 
 
+def step_with_turns(
+    routes: RoutesWithTurns,
+    legal: Sequence[int],
+    target: int,
+    *,
+    has_speed: bool,
+    by_metres: bool,
+    is_allowed: Callable[[int], bool] | None = None,
+) -> int | list[int] | EdgeAction | None:
+    """Return the action that leads an agent that obeys turn restrictions toward a node.
+
+    Args:
+        routes: its routes.
+        legal: see `step_towards`; so are `target`, `has_speed` and `is_allowed`.
+        target: a node id.
+        has_speed: whether it has a speed.
+        by_metres: whether it may go any distance toward a node; then it has a speed.
+        is_allowed: whether it may enter a node; None: every node.
+
+    Returns:
+        A node id, or the edge to it, if the path does not go on from the cheapest one; for an agent with a speed the
+        nodes of the path, up to the first one out of reach. A path may come to nodes again: only its first edge counts
+        in games by metres with nodes that are not allowed. None if there is no path.
+    """
+    if by_metres and is_allowed is None:
+        return target if target in legal or routes.find_path(routes.here, target) is not None else None
+    is_free = is_allowed is None or is_allowed(target)
+    if target == routes.here or (not by_metres and target in legal and is_free):
+        return target
+    if has_speed and not by_metres:
+        nodes = routes.find_nodes(target)
+        return None if nodes is None else _cut_path(nodes, legal, is_allowed) or routes.here
+    found = routes.find_step(target)
+    if found is not None and is_allowed is not None and not is_allowed(found[0]):
+        return routes.here
+    if found is None or not routes.is_on_edge:
+        return None if found is None else found[1]
+    return [routes.here, found[0]]
+
+
+def _cut_path(nodes: list[int], legal: Sequence[int], is_allowed: Callable[[int], bool] | None) -> list[int]:
+    """Return the nodes of a path up to the first one out of reach, without those that may not be entered."""
+    free = nodes if is_allowed is None else [*takewhile(is_allowed, nodes)]
+    steps = sum(1 for _ in takewhile(legal.__contains__, free))
+    return free[: steps + 1]
+
+
 class Aims:
     """Finds the actions that lead agents of a single game toward nodes, as strategies do.
 
     Args:
         graphs: the graph, and the graphs of the modes of `movement`.
         movement: the movement of the agents.
+        routes: number of an agent -> its routes; None: it does not obey turn restrictions.
     """
 
-    def __init__(self, graphs: Sequence[IGraph], movement: Movement) -> None:
+    def __init__(
+        self, graphs: Sequence[IGraph], movement: Movement, routes: Mapping[int, RoutesWithTurns | None]
+    ) -> None:
         self._graphs = graphs
         self._movement = movement
-        self._actions: list[int | list[int]] = []
+        self._routes = routes
+        self._actions: list[int | list[int] | EdgeAction] = []
 
     def towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
@@ -113,16 +166,21 @@ class Aims:
                 after = movement.columns.targets[edges[place : place + 1]]
                 ends = [here, *ids(after if edges[place] >= 0 else after[:0]).tolist()]
             legal = ids(rows[place][are_legal[place]]).tolist()
+            routes = self._routes[int(which[1][place])]
             graph = self._graphs[modes[place]]
-            options: Any = {"has_speed": has_speed, "ends": ends, "is_allowed": is_allowed}
-            if movement.by_metres:
-                options["weight"] = movement.terms.weight
-            step = step_towards(graph, here, legal, target, **options)
+            options: Any = {"has_speed": has_speed, "is_allowed": is_allowed}
+            step: int | list[int] | EdgeAction | None
+            if routes is not None:
+                step = step_with_turns(routes, legal, target, by_metres=bool(ends), **options)
+            else:
+                if movement.by_metres:
+                    options["weight"] = movement.terms.weight
+                step = step_towards(graph, here, legal, target, ends=ends, **options)
             if step is not None:
                 found[place] = self._number_of(step, legal)
         return found
 
-    def _number_of(self, action: int | list[int], legal: list[int]) -> int:
+    def _number_of(self, action: int | list[int] | EdgeAction, legal: list[int]) -> int:
         if isinstance(action, int) and action in legal:
             return legal.index(action)
         self._actions.append(action)
@@ -132,6 +190,6 @@ class Aims:
         """Return a mask of the actions that `towards` has returned."""
         return (actions >= _FIRST) & (actions < _FIRST + len(self._actions))
 
-    def action(self, number: int) -> int | list[int] | None:
+    def action(self, number: int) -> int | list[int] | EdgeAction | None:
         """Return the value of `state["action"]` of an action by its number; None: it is the number of a legal node."""
         return self._actions[number - _FIRST] if number >= _FIRST else None

@@ -18,20 +18,22 @@ from gamms.game.array_functions.aims import Aims
 from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
 from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, mode_of
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import STOPPED, GameArrays
 from gamms.game.deeds import DeclaredDeeds, checked_value
 from gamms.game.lasting import DoingReader
 from gamms.game.movement.legal_moves import Movement
+from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.noted_moves import NotedMoves
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.routes import RoutesWithTurns
+from gamms.game.movement.travel import find_usable_graph
 from gamms.game.settings import RuleSpec, declared
 from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.ir.game_state import KEPT
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
@@ -182,7 +184,10 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
         place = block.on_edge(block.row_of(name))
         if place is not None:
             state.movement.put_on(number, place)
-    if roster.obey_turns:
+    if state.movement.traffic is not None:
+        state.movement.traffic.put_driven(roster.names, game.internals.state.driven)
+    state.previous[0] = streets.rows([agent.prev_node_id for agent in roster.agents])
+    if roster.obey_turns and state.movement.by_metres:
         state.noted_moves = NotedMoves(state.node.shape)
         state.is_apart[0] = True
         note_moves(state, game, 0)
@@ -265,9 +270,12 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
         state["action"] = {"edge": edge, "do": done} if done else {"edge": edge}
         return
     number = int(known.given[0, place])
-    action = None if view._aims is None else view._aims.action(number)
+    action: Any = None if view._aims is None else view._aims.action(number)
     if action is None:
         action = state["legal"][number]
+    if isinstance(action, dict):
+        state["action"] = {**action, "do": done} if done else action
+        return
     state["action"] = {"node_id": action, "do": done} if done else action
 
 
@@ -278,14 +286,15 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         turns = ctx.game.internals.parts.turns
         data = ctx.game.data
         agents = _asked_with(ctx, block, state["name"], function)
+        routes = {number: _find_routes(ctx, turns.legality, block.roster, number) for number in agents.tolist()}
         _show(ctx, block, state)
         asked = turns.asked if turns.is_deciding else -1
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
     view._named = np.full(view.node.shape, -1)
-    if view._movement.acts_by_paths:
-        graphs = [graph_of(ctx, mode) for mode in (None, *view._movement.modes)]
-        view._aims = Aims(graphs, view._movement)
+    if view._movement.acts_by_paths or block.roster.obey_turns:
+        graphs = [find_usable_graph(ctx, mode) for mode in (None, *view._movement.modes)]
+        view._aims = Aims(graphs, view._movement, routes)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = view._call(function, name)
     if block.kept:
@@ -302,6 +311,17 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     waiting = {name: place for place, name in enumerate(view["name"]) if view.mask[0, place]}
     drawn = np.broadcast_to(view.draw.count, view.node.shape)[0]
     return _Decisions(asked, waiting, view, drawn, given, deeds, messages)
+
+
+def _find_routes(ctx: HostContext, legality: Legality, roster: AgentTable, number: int) -> RoutesWithTurns | None:
+    """Return the routes of an agent that obeys turn restrictions, by its number; None: it does not."""
+    agent = roster.agents[number]
+    mode = mode_of(agent)
+    if mode is None or not split_mode(mode)[1]:
+        return None
+    place = getattr(agent, "edge", None)
+    graph = find_usable_graph(ctx, mode)
+    return RoutesWithTurns(graph, mode, agent.current_node_id, legality.find_driven(agent.name), place)
 
 
 def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:

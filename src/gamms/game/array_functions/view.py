@@ -233,14 +233,13 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
         Returns:
             The actions; -1 if there is no path.
         """
-        self._refuse_turns("towards")
         node = self.node[which]
         games, agents = numbers_in(self, which)
         asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel()
-        if not self._movement.acts_by_paths:
-            return self._movement.towards(*asked, allowed).reshape(node.shape)
         if self._aims is not None:
             return self._aims.towards(*asked, (games.ravel(), agents.ravel()), allowed).reshape(node.shape)
+        if not self._movement.acts_by_paths:
+            return self._movement.towards(*asked, allowed).reshape(node.shape)
         if self._deeds is None:
             raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
         raise NeedsEachGame("view.towards")
@@ -603,16 +602,12 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
 
         All batches on equal graphs share these tables; tables of other graphs are kept up to 512 MB.
         """
-        self._refuse_turns("routes")
-        return self._movement.routes(weight)
-
-    def _refuse_turns(self, call: str) -> None:
-        """Refuse a call whose result does not depend on the edges by which agents came, if agents obey turns."""
         if self._movement.obey_turns(self.agents):
             raise BadValue(
-                f"view.{call} does not know turn restrictions, which agents of this view obey. A strategy by states "
-                "that goes to a node does, such as gamms.strategies.goto."
+                "view.routes has a row for each node, and agents of this view obey turn restrictions: their paths "
+                "depend on the edges by which they came. view.towards knows turns."
             )
+        return self._movement.routes(weight)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.
@@ -736,9 +731,9 @@ def driven_in(view: ArrayView, agent: int) -> list[tuple[int, ...]]:
         view: the view of an agent that obeys turn restrictions, or of another one in its games.
         agent: the number of the agent in the roster.
     """
-    noted = view._state.noted_moves
-    assert noted is not None  # noqa: S101 - games with such agents are played in contexts of their own
-    return [noted.driven.get((game, agent), ()) for game in view.games.tolist()]
+    traffic = view._state.movement.traffic
+    assert traffic is not None  # noqa: S101 - the agent obeys turns in a game by edges
+    return [traffic.list_driven(game, agent) for game in view.games.tolist()]
 
 
 def width_in(view: ArrayView) -> int:

@@ -17,7 +17,7 @@ from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in
+from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in, mode_of
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, fits_float
 from gamms.game.block.strategy_steps import (
     LOOKING,
@@ -41,7 +41,7 @@ from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.agents import Position
 from gamms.ir.columns import Failure
 from gamms.ir.game_state import joined_end
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -723,6 +723,9 @@ def _form_of_steps(
     """Return the core's number for a strategy or a plan of several steps; see `core_forms`."""
     steps = strategy_spec_of(decider).core_steps or ()
     kinds = {step.kind for step in steps}
+    mode = mode_of(agent)
+    if mode is not None and split_mode(mode)[1]:  # its routes follow from the edges that it has driven
+        return None
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
     may_look = by_edges and not some_fly and has_plain_looks(agent)

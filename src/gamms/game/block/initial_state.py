@@ -67,17 +67,16 @@ def movement_of(
     have_modes = any(mode is not None for mode in modes)
     if have_modes:
         refuse_modes(settings["legal"], [(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
-        by_edges = settings["speed_unit"] == "edges"
-        waits = settings["decide"] == "arrival"
-        each = zip(roster.agents, modes, speeds, strict=True)
-        refuse_turns([(agent.name, mode) for agent, mode, speed in each if waits or (by_edges and speed is not None)])
+        if settings["decide"] == "arrival":
+            refuse_turns([(agent.name, mode) for agent, mode in zip(roster.agents, modes, strict=True)])
     if settings["legal"] == "any":
         return Movement(streets, whole, closed, are_all_legal=True)
     if settings["speed_unit"] != "edges":
         terms = TravelTerms.of(game)
         return Movement(streets, whole, closed, speeds=speeds, terms=terms, modes=modes)
     depends = have_modes or any(speed is not None for speed in speeds)
-    return Movement(streets, whole, closed, speeds=speeds if depends else None, modes=modes)
+    weight = settings["weight"]
+    return Movement(streets, whole, closed, speeds=speeds if depends else None, modes=modes, weight=weight)
 
 
 class NextStarts:
@@ -270,6 +269,8 @@ class InitialState:
         for number, place in zip(agents.tolist(), places, strict=True):
             if place is not None:
                 state.movement.put_on(number, place)
+        if state.movement.traffic is not None:
+            state.movement.traffic.put_driven(names, game.internals.state.driven)
         for one in NUMBERS:
             numbers = state.numbers[one.name]
             numbers[:] = one.initial

@@ -382,7 +382,8 @@ class GameColumn(NamedTuple):
         name: its name.
         kind: the type of its values.
         axis: "agent", "flyer" (an agent that flies), "team" or "game": a row has a value for each of them; or
-            "walker" or "traveler", an agent in games with speeds in edges, or in metres.
+            "walker" or "traveler", an agent in games with speeds in edges, or in metres; or "driver", an agent in games
+            by edges in which some obey turn restrictions.
         begins: what a game begins with: the name of values of `GameArrays.reset`; "": zeros.
         is_loaded: whether `columns` returns the column, and `load` sets it.
         width: the numbers in a value; 0: it is one number.
@@ -418,6 +419,7 @@ COLUMNS = (
     GameColumn("has_flown", np.bool_, "flyer"),
     GameColumn("begun", np.int64, "walker", "on_node", is_loaded=True),
     GameColumn("covered", np.float64, "walker", is_loaded=True),
+    GameColumn("driven", np.int64, "driver", "on_node", is_loaded=True),
     GameColumn("edge", np.int64, "traveler", "on_node", is_loaded=True),
     GameColumn("share", np.float64, "traveler", is_loaded=True),
     GameColumn("motion", np.int64, "traveler", is_loaded=True),
@@ -425,7 +427,7 @@ COLUMNS = (
 )
 """The columns of all games. Starts, checkpoints, `columns` and `load` follow from these entries."""
 _NO_AGENTS = np.zeros(0, np.int64)
-_OF_SOME = ("flyer", "walker", "traveler")  # axes that are empty in most batches
+_OF_SOME = ("flyer", "walker", "driver", "traveler")  # axes that are empty in most batches
 
 
 class BatchColumns:
@@ -463,6 +465,7 @@ class BatchColumns:
         start_position, wanted_position, wanted_quat, has_flown: see `core.flight.TurnFlights`.
         begun: (games, agents) by edges, the rows of the nodes at the ends of partly covered edges; -1: none.
         covered: (games, agents) the covered shares of these edges.
+        driven: (games, agents) by edges, what agents have driven that obey turns; see `core.by_edges.TrafficStates`.
         edge: (games, agents) by metres, the rows of the edges that agents are on; -1: none.
         share: (games, agents) the share of the edge behind each agent.
         motion: (games, agents) its motion on the edge, see `ir.progress.Motion`.
@@ -501,6 +504,7 @@ class BatchColumns:
     has_flown: BoolArray
     begun: IntArray
     covered: FloatArray
+    driven: IntArray
     edge: IntArray
     share: FloatArray
     motion: IntArray
@@ -518,6 +522,7 @@ class BatchColumns:
             "agent": shape,
             "flyer": (games, len(self.flyers)),
             "walker": shape if walks else (games, 0),
+            "driver": shape if any(one.has_driven for one in movements) else (games, 0),
             "traveler": shape if travels else (games, 0),
             "team": (games, len(roster.teams)),
             "game": (games,),
@@ -659,7 +664,7 @@ class GameArrays(BatchColumns):
         self.roster = roster
         self._seeds: IntArray | None = None  # as an array
         on_edges = (self.edge, self.share) if movement.by_metres else (self.begun, self.covered)
-        movement.begin(*on_edges, self.motion, self.time)
+        movement.begin(*on_edges, self.motion, self.time, self.previous, self.driven)
         self.movement = movement
         if self.flights is not None:
             movement.leaves_nodes = True
@@ -867,6 +872,7 @@ class GameArrays(BatchColumns):
             "start": Limit(first, nodes),
             "begun": Limit(-1, nodes),
             "covered": _SHARE,
+            "driven": Limit(-1 - self.movement.num_states, self.movement.num_states - 1),
             "edge": Limit(-1, edges),
             "share": _SHARE,
             "motion": Limit(min(Motion), max(Motion)),

@@ -134,6 +134,7 @@ class TravelColumns:
         self._are_arriving = False
         self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
         self._walks: list[by_edges.EdgePaths] = []  # of each thread, by edges
+        self._traffic: list[by_edges.TrafficStates] = []  # of each thread, if agents by edges obey turns
         self._roads: list[travel.RoadEdges] = []  # of each thread, by metres
         self._travelers: list[by_metres.MetreMovers] = []  # of each thread, by metres
         self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread, by metres
@@ -166,6 +167,8 @@ class TravelColumns:
             paths.take_maps(edges_at, moved, first_costs)
         for walks in self._walks:
             walks.take(streets)
+        for states in self._traffic:
+            self._by.traffic.take_maps(states)  # type: ignore[union-attr] # there are some
         if self._roads:
             removed = buffer(all_roads.removed(self._maps))
             offsets, edges = map(buffer, edges_at[0])
@@ -243,9 +246,13 @@ class TravelColumns:
         if columns["by_steps"] is not None:
             long_ways = self._ways.plain_ways(reach)
             columns["by_steps"].go_far(long_ways)
+        with_turns: by_edges.PathsWithTurns | None = None
+        if by.traffic is not None:
+            self._traffic.append(by.traffic.bind())
+            with_turns = by_edges.PathsWithTurns(trips, self._traffic[-1], reach.core)
         speeds = flat(by.paces, np.float64)
         has_all = self.courses is not None
-        walkers = by_edges.EdgeMovers(walks, long_ways, *movers, speeds=speeds, has_all=has_all, **columns)
+        walkers = by_edges.EdgeMovers(walks, long_ways, with_turns, *movers, speeds=speeds, has_all=has_all, **columns)
         tracks = local.core.nodes, local.core.times, local.core.passed
         return ThreadTravel(walkers, None, moves.TripPaths(walkers, local.core), tracks, NO_LEGS, most, 0)
 

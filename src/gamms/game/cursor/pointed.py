@@ -28,7 +28,7 @@ from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.agent_engine import IAgent
 
-_READ = ("began", "counts", "errors", "events", "memories", "messages", "moves", "scores")
+_READ = ("began", "counts", "driven", "errors", "events", "memories", "messages", "moves", "scores")
 """Fields of the state of a game that are made when they are read; so are `data` and `over`, which may be set."""
 _IN_ROW = ("agent_facts", "delayed_looks", "departed", "team_facts", "team_memories")
 """Fields of the state of a game that are read from its row; see `RowValues`."""

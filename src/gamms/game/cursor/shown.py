@@ -29,6 +29,7 @@ from gamms.game.cursor.pointed import (
 from gamms.game.decisions import Decisions, MadeDecisions
 from gamms.game.messages import MessageTraffic
 from gamms.game.movement.arrivals import AgentsUnderWay
+from gamms.game.movement.courses import Courses
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart
@@ -844,6 +845,15 @@ class ShownGame(GamesInContext):
             starts |= {name: place for name, place in flying if name in starts}
         return starts
 
+    def _make_driven(self) -> dict[str, tuple[int, ...]]:
+        traffic = self._state.movement.traffic
+        if traffic is None:
+            return {}
+        number = self._pointed.number
+        names = self._state.roster.names
+        found = {names[agent]: traffic.list_driven(number, agent) for agent in np.flatnonzero(traffic.obeys).tolist()}
+        return {name: edges for name, edges in found.items() if edges}
+
     def _make_scores(self) -> Scores:
         self._scores_before = self._state.scores.of(self._pointed.number)
         scores = Scores()
@@ -937,6 +947,8 @@ class ShownGame(GamesInContext):
             actions = self._flights_of(acting, first)
         if self._core.edges.are_any[0] and self._core.arrival is None:
             actions |= self._along_named(acting, ids(ends).tolist(), first)
+        if courses is not None and self._state.movement.traffic is not None:
+            actions |= self._along_driven(acting, courses, actions)
         lives = took_part.tobytes()
         return TurnMoves(order, as_ids(first), ids(ends).data, actions, paths=paths, took_part=lives)
 
@@ -958,6 +970,23 @@ class ShownGame(GamesInContext):
             place: ResolvedAction(ends[place], (starts[place], ends[place]), edge=int(edges[place]))
             for place in np.flatnonzero(edges >= 0).tolist()
         }
+
+    def _along_driven(
+        self, numbers: IntArray, courses: Courses, actions: Mapping[int, ResolvedAction]
+    ) -> dict[int, ResolvedAction]:
+        """Return the moves of agents that obey turns, with all their edges, by their places among these numbers."""
+        traffic = self._state.movement.traffic
+        assert traffic is not None  # noqa: S101 - some obey turns
+        found = {}
+        for place in np.flatnonzero(numbers >= 0).tolist():
+            agent = int(numbers[place])
+            if not traffic.obeys[agent]:
+                continue
+            path, edges = courses.list_driven(self._pointed.number, agent)
+            one = actions.get(place) or ResolvedAction(path[-1], path)
+            edge = edges[0] if one.edge is None and len(edges) == 1 else one.edge
+            found[place] = one._replace(end=path[-1], path=path, edge=edge, edges=edges)
+        return found
 
     # -- what functions change -----------------------------------------------------------------------------------------
 

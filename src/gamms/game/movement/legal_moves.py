@@ -17,7 +17,14 @@ from gamms.core.by_edges import LegalByEdges
 from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame, kept_in
 from gamms.game.movement.noted_moves import NotedMoves, Places
-from gamms.game.movement.roads import ModeEdges, OpenRoads, RoadMap, RoadTables, refuse_several_maps
+from gamms.game.movement.roads import (
+    ModeEdges,
+    OpenRoads,
+    RoadMap,
+    RoadTables,
+    TrafficOnMaps,
+    refuse_several_maps,
+)
 from gamms.game.movement.routes import RouteTable, shared_routes
 from gamms.game.movement.streets import StreetGraph, as_table
 from gamms.game.movement.travel import ReachableNodes, map_of
@@ -71,6 +78,7 @@ class Movement:
         terms: how agents travel by metres; None: speeds count edges.
         modes: the mode of each agent, by which it may use edges; None: all edges.
         are_all_legal: whether agents may move to any node in a turn; by metres, they are never on edges.
+        weight: the weight by which agents that obey turns choose among parallel edges.
 
     Attributes:
         streets, whole, closed, are_all_legal: the arguments of these names.
@@ -85,6 +93,8 @@ class Movement:
         all_roads: the open roads of each game.
         tables: the legal nodes of games along one edge on several maps; None: they are on one.
         noted: the legal nodes and positions in games that are played in contexts of their own; None: in none.
+        traffic: the states of agents by edges that obey turn restrictions; None: there are none.
+        previous: (games, agents) the column of this name.
         edge: (games, agents) the column `edge` or `begun` of the games; see `BatchColumns`.
         share: (games, agents) the column `share` or `covered`.
         motion, time: the columns of these names.
@@ -95,6 +105,8 @@ class Movement:
     share: FloatArray
     motion: IntArray
     time: FloatArray
+    previous: IntArray
+    traffic: TrafficOnMaps | None = None
     tables: RoadTables | None = None
     noted: NotedMoves | None = None
     _on: RoadMap | None = None  # the map, if it is not that of the start
@@ -110,6 +122,7 @@ class Movement:
         terms: TravelTerms | None = None,
         modes: Sequence[str | None] = (),
         are_all_legal: bool = False,
+        weight: str | None = "length",
     ) -> None:
         self.streets = streets
         self.whole = streets if whole is None else whole
@@ -127,6 +140,7 @@ class Movement:
         of_each = modes or [None] * len(self.paces)
         self.mode_of = np.array([number_of.get(mode, 0) for mode in of_each], np.int64)
         self.mode_edges = [ModeEdges(self.whole.columns, mode) for mode in self.modes]
+        self._weight = weight
         self._terms = terms
         self._costs = None if terms is None else self._weigh(terms.weight)
         self._tables: dict[str | None, RouteTable] = {}
@@ -245,13 +259,34 @@ class Movement:
 
     # -- parts of edges -------------------------------------------------------------------------------------------
 
-    def begin(self, edge: IntArray, share: FloatArray, motion: IntArray, time: FloatArray) -> None:
-        """Begin games with the roads of the map open, given the columns that say where agents are on edges."""
+    def begin(
+        self,
+        edge: IntArray,
+        share: FloatArray,
+        motion: IntArray,
+        time: FloatArray,
+        previous: IntArray,
+        driven: IntArray,
+    ) -> None:
+        """Begin games with the roads of the map open, given the columns that say where agents are, and came from."""
         self.all_roads = OpenRoads(self.streets, self.whole, self.closed, len(time), self.mode_edges)
         self.edge = edge
         self.share = share
         self.motion = motion
         self.time = time
+        self.previous = previous
+        if driven.size and any(one.traffic is not None for one in self.mode_edges):
+            self.traffic = TrafficOnMaps(self.all_roads, self.mode_of, self._weight, driven)
+
+    @property
+    def has_driven(self) -> bool:
+        """Whether games have a column of what agents have driven that obey turns."""
+        return not self.by_metres and any(split_mode(mode)[1] for mode in self.modes)
+
+    @property
+    def num_states(self) -> int:
+        """The number of states of traffic of agents by edges that obey turns."""
+        return 0 if self.traffic is None else self.traffic.num_states
 
     def modes_of(self, agents: IntArray) -> IntArray:
         """Return the numbers of the modes of agents, each once; none in games without modes."""
@@ -379,6 +414,7 @@ class Movement:
         games, agents = (numbers.ravel() for numbers in np.broadcast_arrays(*which))
         on_edge = self.places(node, which).edge[..., 2].ravel()
         here = node.ravel()
+        obeys = np.zeros(len(here), np.bool_) if self.traffic is None else self.traffic.obeys[agents]
         at: list[IntArray] = [np.flatnonzero(on_edge >= 0)]
         found: list[IntArray] = [on_edge[at[0]]]
         rows = kernels.rows_of(columns.edge_ids, found[0], columns.edge_order)
@@ -388,12 +424,18 @@ class Movement:
         modes = self.mode_of[agents] if self.modes else None
         for movement, places in () if self.are_all_legal else self._each_map(games, modes):
             offsets, edges = movement.all_roads.edges_at([movement._on])[0]
-            chosen = places[on_edge[places] < 0]
+            chosen = places[(on_edge[places] < 0) & ~obeys[places]]
             number, place = kernels.expand_ranges(offsets[here[chosen]], offsets[here[chosen] + 1])
             leaving = edges[place]
             goes = columns.targets[leaving] != here[chosen[number]]
             at.append(chosen[number[goes]])
             found.append(columns.edge_ids[leaving[goes]])
+        if self.traffic is not None and obeys.any():
+            chosen = np.flatnonzero(obeys)
+            _, states = self._find_states(here[chosen], games[chosen], agents[chosen])
+            number, edges = self.traffic.list_edges(states)
+            at.append(chosen[number])
+            found.append(columns.edge_ids[edges])
         ids = as_table(np.concatenate(at), np.concatenate(found), len(here))
         return ids.reshape(*node.shape, -1)
 
@@ -448,7 +490,7 @@ class Movement:
             here = node[some]
             nothing = np.zeros(len(here))
             columns = ahead[some], np.ones(len(here)), nothing.astype(np.int64), np.full(len(here), speed), nothing
-            most = max(most, int(self._find_at(here, *columns)[0].max(initial=1)))
+            most = max(most, int(self._find_at(self._legal_nodes, here, *columns)[0].max(initial=1)))
         return most
 
     def _most_by_metres(self, speed: float, limit: int) -> int:
@@ -461,7 +503,7 @@ class Movement:
             here = np.arange(first, min(first + _AT_ONCE, nodes))
             nothing = np.zeros(len(here))
             on_nodes = np.full(len(here), -1), nothing, nothing.astype(np.int64)
-            counts, listed = self._find_at(here, *on_nodes, np.full(len(here), speed), nothing)
+            counts, listed = self._find_at(self._legal_nodes, here, *on_nodes, np.full(len(here), speed), nothing)
             reached += [{*rows.tolist()} for rows in np.split(listed, np.cumsum(counts)[:-1])]
             most = max(most, int(counts.max()))
             if most > limit:
@@ -590,14 +632,41 @@ class Movement:
         return counts[back], np.concatenate([rows for _, rows in parts])[listed]
 
     def _find_on_map(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
-        """Return what `_find` does for games on this map; all arguments are flat."""
+        """Return what `_find` does for agents of one mode in games on this map; all arguments are flat."""
         which = games, agents
+        if self.traffic is not None and self.traffic.obeys[agents[:1]].any():
+            return self._find_with_turns(node, games, agents)
         edge = self.on_edge(which) if self.by_metres else self.edge[which]
         motion = self.motion[which] if self.by_metres else np.zeros(len(node), np.int64)
-        return self._find_at(node, edge, self.share[which], motion, self.paces[agents], self.time[games])
+        legal = self._legal_nodes
+        return self._find_at(legal, node, edge, self.share[which], motion, self.paces[agents], self.time[games])
+
+    def _find_states(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the states of agents that obey turns on these nodes, and their places; all arguments are flat."""
+        assert self.traffic is not None  # noqa: S101 - they obey turns
+        which = games, agents
+        return self.traffic.find_states(which, node, self.previous[which], self.paces[agents])
+
+    def _find_with_turns(self, node: IntArray, games: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+        """Return what `_find_on_map` does for agents that obey turns."""
+        traffic = self.traffic
+        assert traffic is not None  # noqa: S101 - they obey turns
+        states, _ = self._find_states(node, games, agents)
+        traffic.use_map(int(games[0]), int(agents[0]))
+        which = games, agents
+        motion = np.zeros(len(node), np.int64)
+        columns = states, self.edge[which], self.share[which], motion, self.paces[agents], self.time[games]
+        return self._find_at(traffic.legal, *columns)
 
     def _find_at(
-        self, node: IntArray, edge: IntArray, share: FloatArray, motion: IntArray, speed: FloatArray, now: FloatArray
+        self,
+        legal: core.LegalNodes,
+        node: IntArray,
+        edge: IntArray,
+        share: FloatArray,
+        motion: IntArray,
+        speed: FloatArray,
+        now: FloatArray,
     ) -> tuple[IntArray, IntArray]:
         """Return what `_find` does for agents at these positions; see `core.LegalNodes.find`."""
         columns = [buffer(column) for column in (node, edge, share, motion, speed, now)]
@@ -605,7 +674,7 @@ class Movement:
         parts = [np.zeros(0, np.int64)]
         first = 0
         while first < len(node):
-            last = core.find_each(*[self._legal_nodes, first, *columns, buffer(self._room), counts.data])
+            last = core.find_each(*[legal, first, *columns, buffer(self._room), counts.data])
             parts.append(self._room[: counts[first:last].sum()].copy())
             first = last
         return counts, np.concatenate(parts)

@@ -15,12 +15,14 @@ from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import (
+    MovesWithTurns,
     PathFinder,
     ResolvedAction,
     Travel,
     TravelWithTurns,
     find_usable_graph,
     paths_of_one,
+    weigh_edges,
 )
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -95,7 +97,7 @@ class MultiEdgeMoves(PathFinder):
         self._begin(here, speed, place)
         for number, node in enumerate(route):
             self._trips.route[number] = self.row(node)
-        core.walk(self._walks, 0, len(route))
+        core.walk(self._trips, 0, len(route))
         return self._ended()
 
     def _ended(self) -> ResolvedAction:
@@ -162,6 +164,14 @@ def explain_edge(edge: tuple[int, int, int], here: int, on_edge: int | None, mod
     return f"it leads from node {here} to itself" if target == here else f"mode {mode!r} may not use it"
 
 
+def is_loop_of(driven: Sequence[int]) -> bool:
+    """Return whether an agent by edges has ended its last move on the node on which it has begun it.
+
+    Then `GameState.driven` has its last edge twice. The previous node of the agent does not say so.
+    """
+    return len(driven) > 1 and driven[-1] == driven[-2]
+
+
 class Legality:
     """Checks the actions of agents, and finds the moves that they lead to.
 
@@ -186,6 +196,7 @@ class Legality:
         self.travel = Travel(ctx, settings, mode) if mode is None or is_free else TravelWithTurns(ctx, settings, mode)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
         self._walking: MultiEdgeMoves | None = None
+        self._turning: tuple[MovesWithTurns, str | None] | None = None  # with the weight
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
     def of(self, mover: AgentSlot) -> "Legality":
@@ -280,6 +291,8 @@ class Legality:
         if mover.travels:
             self.travel.over(self.travel.place(mover.row), here, mover.speed, edge)
             return ResolvedAction(self.travel.end(), (here,), edge=edge)
+        if mover.obeys_turns:
+            return self.turning.go_along(*self._find_start(mover, here), [edge])
         return self.walked(mover, here, [roads.edge_ids[row][1]], True)._replace(edge=edge)
 
     def _why_not_taken(self, mover: AgentSlot, here: int, edge: tuple[int, int, int]) -> str:
@@ -311,6 +324,9 @@ class Legality:
         known = self._state.driven.get(name, ())
         if not known:
             return ()
+        by_edges = self._settings.speed_unit == "edges"
+        is_loop = by_edges and is_loop_of(known)
+        known = known[:-1] if is_loop else known
         block = self._ctx.agent.block
         row = block.row_of(name)
         mode = block.modes[row]
@@ -328,8 +344,9 @@ class Legality:
         previous, node = block.previous_of(row), block.node_of(row)
         if not walk or walk[-1][1] != node:
             return ()
-        if self._settings.speed_unit == "edges":
-            has_come = walk[-1][0] == previous
+        if by_edges:
+            is_paced = self._ctx.agent.agents[name].speed is not None
+            has_come = is_loop or previous != node if is_paced else walk[-1][0] == previous
         else:  # it passes several nodes in a turn, and may end it on the node where it has begun it
             has_come = previous != node or any(source == previous for source, *_ in walk)
         return tuple([edge for *_, edge in walk]) if has_come else ()
@@ -339,21 +356,31 @@ class Legality:
         known = self._state.driven
         if mover.name in known:
             driven = self.find_driven(mover.name)
-            known[mover.name] = driven
             if not driven:
                 del known[mover.name]
+            elif self._settings.speed_unit == "edges" and is_loop_of(known[mover.name]):
+                known[mover.name] = (*driven, driven[-1])
+            else:
+                known[mover.name] = driven
 
-    def drive_on(self, mover: AgentSlot, legs: Iterable[Leg]) -> None:
+    def drive_on(self, mover: AgentSlot, legs: Sequence[Leg]) -> None:
         """Note the edges that an agent that obeys turn restrictions has driven to their ends on its legs."""
         driven = self._state.driven
         forbidden = self.of(mover)._forbidden
-        before = known = driven.get(mover.name, ())
+        before = known = self._list_driven(mover.name)
         edges = [leg.edge for leg in legs if leg.end == 1.0]
         for edge in edges:
             known = forbidden.step(known, edge) or (edge,)
-        if edges:
+        if edges and not mover.travels:
+            driven[mover.name] = (*known, known[-1]) if legs[0].source == legs[-1].target else known
+        elif edges:
             count = max(len(known), len(edges))  # all of this turn: its first node is then the previous one
             driven[mover.name] = (*before, *edges)[-count:]
+
+    def _list_driven(self, name: str) -> tuple[int, ...]:
+        """Return the edges that an agent has driven, wherever it is now."""
+        known = self._state.driven.get(name, ())
+        return known[:-1] if self._settings.speed_unit == "edges" and is_loop_of(known) else known
 
     @property
     def _forbidden(self) -> kernels.ForbiddenPaths:
@@ -375,14 +402,6 @@ class Legality:
         legal = {*self._ctx.graph.routes.edges_onward(here, driven, turns=attribute)}
         return [edge for edge in edges if edge in legal]
 
-    def _list_ends(self, mover: AgentSlot, here: int) -> dict[int, list[int]]:
-        """Return node -> the ids of the edges to it that an agent that obeys turn restrictions may take next."""
-        roads = self.travel.roads
-        found: dict[int, list[int]] = {}
-        for edge in self._onward(mover, here):
-            found.setdefault(roads.edge_ids[roads.edge_rows[edge]][1], []).append(edge)
-        return found
-
     def _why_forbidden(self, mover: AgentSlot, here: int) -> str:
         """Return why an edge that the mode may use is not legal for an agent that obeys turn restrictions."""
         edge = self.find_driven(mover.name)[-1]
@@ -392,14 +411,25 @@ class Legality:
             "or it leads back, which is legal only where nothing else is"
         )
 
-    def _obey(self, mover: AgentSlot, here: int, path: list[int]) -> ResolvedAction:
-        """Return the move of an agent that obeys turn restrictions to the next node, along the cheapest legal edge."""
-        ends = self._list_ends(mover, here)
-        if len(path) == 1 and path[0] in ends:
-            edge = self.travel.roads.find_cheapest(ends[path[0]])
-            return ResolvedAction(path[0], (here, path[0]), edge=edge)
+    def _find_start(self, mover: AgentSlot, here: int) -> tuple[int, tuple[int, ...], float | None, Progress | None]:
+        """Return where an agent begins that obeys turn restrictions, as `MovesWithTurns` takes it."""
+        place = None if mover.speed is None else self._ctx.agent.block.progress_of(mover.row)
+        return here, self.find_driven(mover.name), mover.speed, place
+
+    def _obey(self, mover: AgentSlot, here: int, path: list[int], *, is_route: bool) -> ResolvedAction:
+        """Return the move of an agent by edges that obeys turn restrictions, along the cheapest legal edges."""
+        start = self._find_start(mover, here)
+        path = [node for node, before in zip(path, [here, *path], strict=False) if node != before]
+        if not path:
+            return ResolvedAction(here, (here,))
+        if mover.speed is not None and not is_route:
+            return self.turning.go_towards(*start, path[0])
+        near = {self.travel.roads.edge_ids[self.travel.roads.edge_rows[edge]][1] for edge in self._onward(mover, here)}
+        is_next = path[0] in near and (mover.speed is not None or len(path) == 1)
+        if is_next:
+            return self.turning.go_over(*start, path)
         legal = [*self.reachable(mover, here)]
-        if len(path) == 1 and path[0] in self._graph.neighborhoods[here]:
+        if path[0] not in near and path[0] in self._graph.neighborhoods[here]:
             raise BadValue(
                 f"No turn to node {path[0]} is legal: {self._why_forbidden(mover, here)}; legal are {legal}."
             )
@@ -455,8 +485,7 @@ class Legality:
         if self._settings.legal == "any":
             return self._anywhere(here)
         if mover.obeys_turns:
-            ends = own._list_ends(mover, here)
-            return tuple([node for node in own._graph.neighborhoods[here] if node == here or node in ends])
+            return own.turning.find_legal(*own._find_start(mover, here))
         return own.walking.reachable(here, mover.speed, self._ctx.agent.block.progress_of(mover.row))
 
     def _anywhere(self, here: int) -> tuple[int, ...]:
@@ -484,6 +513,16 @@ class Legality:
         if self._walking is None or self._walking.streets is not streets:
             self._walking = MultiEdgeMoves(streets)
         return self._walking
+
+    @property
+    def turning(self) -> MovesWithTurns:
+        """The legal moves by edges with turn restrictions."""
+        columns = self._ctx.graph.columns()
+        weight = self._settings.weight
+        if self._turning is None or self._turning[0].columns is not columns or self._turning[1] != weight:
+            costs = weigh_edges(self._ctx, weight, self._mode)
+            self._turning = MovesWithTurns(columns, str(self._mode), costs), weight
+        return self._turning[0]
 
     def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
         """Return the legal nodes of several agents: offsets (agents + 1,) and ids."""
@@ -522,7 +561,7 @@ class Legality:
         if self._settings.legal == "any":
             return ResolvedAction(path[-1], (here, *path))
         if mover.obeys_turns:
-            return self._obey(mover, here, path)
+            return self._obey(mover, here, path, is_route=is_route)
         if mover.speed is None:
             near = self._graph.neighborhoods[here]
             if len(path) > 1 or path[0] not in near:

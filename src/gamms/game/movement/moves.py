@@ -171,12 +171,17 @@ class TurnMoves(TurnMovesInCore):
         # NOTE: contacts read `track`: in games that count edges they compare nodes, whatever edge leads to them.
         track = self.track(i)
         action = self.actions.get(i)
-        if track.legs or action is None or action.edge is None or track.path[-1] == self.starts[i]:
+        if track.legs or action is None or (action.edge is None and not action.edges) or len(track.path) == 1:
             return track
-        source, target = track.path[-2:]
-        since, until = track.times[-2:]
-        leg = Leg(source, target, action.edge, 0.0, 1.0, since, until)
-        return track._replace(legs=(leg,))
+        path, times, _ = track
+        steps = [place for place in range(1, len(path)) if path[place - 1] != path[place]]
+        edges = action.edges[: len(steps)] or (action.edge,)
+        legs = [
+            Leg(path[place - 1], path[place], edge, 0.0, 1.0, times[place - 1], times[place])
+            for place, edge in zip(steps[-len(edges) :], edges, strict=True)
+            if edge is not None
+        ]
+        return track._replace(legs=tuple(legs))
 
     def find_named_edges(self) -> dict[str, int]:
         """Return agent -> the id of the edge that its action has named, for those that come to its end."""

@@ -5,7 +5,7 @@ a whole map, such as routes, are computed on demand for each map, and shared by 
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple, NoReturn
 from weakref import WeakValueDictionary
@@ -13,11 +13,12 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gamms import kernels
+from gamms.core.by_edges import LegalWithTurns, TrafficStates, find_states, use_states
 from gamms.core.contacts import NearNodes
 from gamms.errors import BadValue
 from gamms.game.conflicts import flat
 from gamms.game.movement.streets import StreetGraph
-from gamms.game.movement.travel import EdgesAt
+from gamms.game.movement.travel import EdgesAt, FollowingStates, ReachableNodes, TrafficTable, bind_states
 from gamms.ir.graph import (
     ClosedEdges,
     FloatArray,
@@ -27,6 +28,7 @@ from gamms.ir.graph import (
     edge_weights,
     find_usable_edges,
     locked_columns,
+    split_mode,
     with_edges,
 )
 from gamms.ir.obstacles import BoolArray
@@ -184,9 +186,11 @@ class ModeEdges:
     Attributes:
         columns: the graph with the attributes of the mode.
         may_use: (edges,) whether the mode may use each edge.
+        traffic: the states of traffic, if agents of the mode obey turn restrictions; else None.
     """
 
     def __init__(self, columns: GraphColumns, mode: str) -> None:
+        self.traffic = TrafficTable(columns, mode) if split_mode(mode)[1] else None
         self.columns = apply_mode(columns, mode)
         self.may_use = find_usable_edges(columns, mode)
         self._weights: dict[str | None, FloatArray] = {}
@@ -216,14 +220,149 @@ class ModeMap(RoadMap):
         unused = np.union1d(gone, np.flatnonzero(~may_use[:at_start]))
         closed = roads.closed_at_start if base is None else base.closed
         super().__init__(roads, 0 if base is None else base.number, unused, opened[may_use[opened]], closed)
-        self._whole = edges
+        self._whole: ModeEdges = edges
         self._base = base
         self.mode = mode
+
+    def find_following(self, weight: str | None) -> FollowingStates:
+        """Return what may follow each state of traffic; of parallel edges the cheapest by a weight comes first."""
+        traffic = self._whole.traffic
+        assert traffic is not None  # noqa: S101 - the agents of the mode obey turns
+        key = "following", weight
+        if key not in self.shared:
+            self.shared[key] = traffic.find_following(self.rows, self._whole.weights(weight))
+        found: FollowingStates = self.shared[key]
+        return found
 
     @cached_property
     def is_removed(self) -> BoolArray:
         """Whether each edge is neither open nor closed, (edges,), whatever the mode may use."""
         return np.zeros(len(self._whole.columns.edge_ids), np.bool_) if self._base is None else self._base.is_removed
+
+
+class TrafficOnMaps:
+    """The states of traffic of the modes whose agents obey turn restrictions by edges, on the maps of all games.
+
+    Args:
+        roads: the roads of all games.
+        mode_of: (agents,) the number of each agent's mode, from 1; 0: it may use all edges.
+        weight: the weight by which agents choose among parallel edges.
+        driven: (games, agents) see `core.by_edges.TrafficStates`.
+
+    Attributes:
+        begin_of_agent: see there.
+        obeys: (agents,) whether each agent obeys turn restrictions.
+        num_states: the number of states of all modes.
+    """
+
+    def __init__(self, roads: "OpenRoads", mode_of: IntArray, weight: str | None, driven: IntArray) -> None:
+        self._roads = roads
+        self._weight = weight
+        self.driven = driven
+        self._driving = driven.copy()
+        self._modes = [number for number, one in enumerate(roads.modes, 1) if one.traffic is not None]
+        self._tables = [one.traffic for one in roads.modes if one.traffic is not None]
+        counts = [len(one.nodes) for one in self._tables]
+        self.num_states = sum(counts)
+        self._first = dict(zip(self._modes, np.cumsum([0, *counts[:-1]]).tolist(), strict=True))
+        begins = {mode: self._first[mode] + one.begin for mode, one in zip(self._modes, self._tables, strict=True)}
+        self.begin_of_agent = np.array([begins.get(mode, -1) for mode in mode_of.tolist()], np.int64)
+        self.obeys: BoolArray = self.begin_of_agent >= 0
+        self._mode_of = mode_of
+        self._maps: tuple[RoadTables, list[memoryview]] | None = None
+
+    def bind(self) -> TrafficStates:
+        """Return the states in the form of the core, for one thread; `take_maps` has to be called."""
+        return bind_states(self._tables, self.begin_of_agent, self.driven, self._driving)
+
+    def take_maps(self, states: TrafficStates) -> None:
+        """Set what is legal on the present maps of the games."""
+        tables = self._roads.tables
+        if self._maps is None or self._maps[0] is not tables:
+            self._maps = tables, self._join_maps(tables)
+        states.take_maps(*self._maps[1])
+
+    def _join_maps(self, tables: RoadTables) -> list[memoryview]:
+        """Return what may follow states on all maps, see `TrafficStates`."""
+        nodes = self._roads.streets.num_nodes
+        parts: list[tuple[FollowingStates, int]] = []
+        for base in tables.maps[: tables.stride // nodes]:
+            for mode in self._modes:
+                one = self._roads.for_mode(base, mode)
+                assert isinstance(one, ModeMap)  # noqa: S101 - it is the map of a mode
+                parts.append((one.find_following(self._weight), self._first[mode]))
+        offsets, after = _joined([(one.offsets, one.after + first) for one, first in parts])
+        kept = np.concatenate([np.where(one.kept >= 0, one.kept + first, -1) for one, first in parts])
+        first_of_game = tables.first // nodes * self.num_states
+        return [*map(kernels.buffer, (offsets, after, kept, first_of_game))]
+
+    @cached_property
+    def _states(self) -> TrafficStates:
+        """The states for views."""
+        return self.bind()
+
+    @property
+    def states(self) -> TrafficStates:
+        """The states on the present maps, for views."""
+        self.take_maps(self._states)
+        return self._states
+
+    @cached_property
+    def legal(self) -> LegalWithTurns:
+        """The search for the legal nodes of one agent on the map in use, for views."""
+        return LegalWithTurns(self._states, ReachableNodes(self._roads.streets.num_nodes).core)
+
+    def use_map(self, game: int, agent: int) -> None:
+        """Use the present map of a game, and the mode of an agent, for `legal`."""
+        use_states(self.states, game, agent)
+
+    def find_states(
+        self, which: tuple[IntArray, IntArray], node: IntArray, previous: IntArray, speed: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return the states of agents that obey turns, and their places; all arguments are flat, see the core."""
+        found, places = np.zeros((2, len(node)), np.int64)
+        columns = [kernels.buffer(one) for one in (*which, node, previous, speed)]
+        find_states(*[self.states, *columns, found.data, places.data])
+        return found, places
+
+    def list_edges(self, places: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the edges that may follow states, given by their places: indices of these states, and rows."""
+        self.take_maps(self.states)
+        assert self._maps is not None  # noqa: S101 - they are taken
+        offsets, after = (np.asarray(one) for one in self._maps[1][:2])
+        edges = np.concatenate([one.edges for one in self._tables])
+        number, place = kernels.expand_ranges(offsets[places], offsets[places + 1])
+        return number, edges[after[place]]
+
+    def list_driven(self, game: int, agent: int) -> tuple[int, ...]:
+        """Return the ids of the edges that an agent has driven, as `GameState.driven` has them; (): none."""
+        driven = int(self.driven[game, agent])
+        if driven == -1:
+            return ()
+        mode = int(self._mode_of[agent])
+        table = self._tables[self._modes.index(mode)]
+        rows = table.list_edges((driven if driven >= 0 else -2 - driven) - self._first[mode])
+        ids = tuple(self._roads.whole.columns.edge_ids[[*rows]].tolist())
+        return ids if driven >= 0 else (*ids, ids[-1])
+
+    def put_driven(self, names: Sequence[str], driven: Mapping[str, Sequence[int]]) -> None:
+        """Set the edges that the agents with these names have driven in a block of one game; see `GameState.driven`."""
+        for agent in np.flatnonzero(self.obeys).tolist():
+            self.driven[0, agent] = self._find_driven(agent, driven.get(names[agent], ()))
+
+    def _find_driven(self, agent: int, edges: Sequence[int]) -> int:
+        """Return the edges that an agent has driven in the form of the column."""
+        columns = self._roads.whole.columns
+        is_loop = len(edges) > 1 and edges[-1] == edges[-2]
+        known = np.array(edges[:-1] if is_loop else edges, np.int64)
+        rows = kernels.rows_of(columns.edge_ids, known, columns.edge_order)
+        mode = int(self._mode_of[agent])
+        missing = np.flatnonzero(rows < 0)
+        rest = rows[missing[-1] + 1 :] if len(missing) else rows
+        state = -1
+        if len(rest):
+            state = self._first[mode] + self._tables[self._modes.index(mode)].find_state(rest.tolist())
+        return -2 - state if is_loop and state >= 0 else state
 
 
 def _others(rows: IntArray, size: int) -> IntArray:

@@ -1,19 +1,25 @@
 """Distances and actions toward targets for many agents at once, from tables of shortest paths that the core finds."""
 
 from collections import OrderedDict
+from collections.abc import Iterable, Sequence
 from hashlib import blake2b
+from math import inf
 from threading import RLock
 from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
 from gamms.core import routes
+from gamms.errors import NoPath
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, split_mode
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels import buffer
+from gamms.typing.game import EdgeAction
+from gamms.typing.graph_engine import IGraph
 
 _MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of the other graphs' tables in the cache
 _BYTES = 12  # of a node in a table
@@ -162,3 +168,115 @@ def _queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
     """Return queries for the core: their order by target, so that each table is made once, sources and targets."""
     ends = targets.reshape(-1)
     return buffer(np.argsort(ends, kind="stable")), buffer(sources), buffer(ends)
+
+
+class RoutesWithTurns:
+    """The routes of an agent that obeys turn restrictions, as far as strategies ask for them.
+
+    From its own node the agent goes on from the edge by which it came, and on an edge from the end of this edge. From
+    other nodes, any edge is legal.
+
+    Args:
+        graph: the graph of the edges that the mode may use.
+        mode: the mode of the agent.
+        here: the id of its node.
+        driven: the ids of the edges by which it has come there.
+        place: the ids of the ends of the edge that it is on, and of the edge; None: it is on its node.
+        is_in_game: whether its action may name an edge.
+
+    Attributes:
+        graph: see the argument.
+        neighborhoods: of this graph.
+        routes: this object.
+        here: the node from which the agent goes on: its own, or the end of its edge.
+        is_on_edge: whether it is on an edge.
+    """
+
+    def __init__(
+        self,
+        graph: IGraph,
+        mode: str,
+        here: int,
+        driven: tuple[int, ...],
+        place: tuple[int, int, int] | None,
+        *,
+        is_in_game: bool = True,
+    ) -> None:
+        self.graph: Any = graph  # its class cannot be imported here
+        self.neighborhoods = graph.neighborhoods
+        self.routes = self
+        self._turns = split_mode(mode)[0]
+        self.here = here if place is None else place[1]
+        self._passed = here
+        self._is_in_game = is_in_game
+        self.is_on_edge = place is not None
+        self._driven = driven if place is None else (*driven, place[2])
+
+    def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
+        """Return the ids of the edges on the shortest path; None: there is none."""
+        source, driven = self._find_start(source)
+        try:
+            return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
+        except NoPath:
+            return None
+
+    def _find_start(self, source: int) -> tuple[int, tuple[int, ...]]:
+        """Return where a path begins, and the edges driven to this node: the agent goes on from the end of its edge."""
+        return (self.here, self._driven) if source in (self.here, self._passed) else (source, ())
+
+    def find_step(self, target: int) -> tuple[int, int | EdgeAction] | None:
+        """Return the end of the first edge of the shortest path from the agent's own node, and the action to take it.
+
+        Of several edges to this end, the action names the edge, because the path may not go on from the others. None:
+        there is no path.
+        """
+        edges = self.find_path(self.here, target)
+        if edges is None:
+            return None
+        columns = self.graph.columns()
+        (row,) = self._rows(edges[:1])
+        source, end = columns.sources[row], columns.targets[row]
+        leaving = columns.out_edges[columns.offsets[source] : columns.offsets[source + 1]]
+        node = int(columns.node_ids[end])
+        is_alone = np.count_nonzero(columns.targets[leaving] == end) == 1
+        return node, node if is_alone or not self._is_in_game else {"edge": edges[0]}
+
+    def find_nodes(self, target: int) -> list[int] | None:
+        """Return the ids of the nodes on the shortest path beyond the first; None: there is no path."""
+        edges = self.find_path(self.here, target)
+        columns = self.graph.columns()
+        return None if edges is None else columns.node_ids[columns.targets[self._rows(edges)]].tolist()
+
+    def _rows(self, edges: Sequence[int]) -> IntArray:
+        """Return the rows of edges."""
+        columns = self.graph.columns()
+        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """Return the length of the shortest path; infinite if there is none."""
+        edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
+        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
+
+    def nearest(self, source: int, targets: Iterable[int]) -> int | None:
+        """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
+        far = self.distances(source)
+        return min((target for target in targets if target in far), key=far.__getitem__, default=None)
+
+    def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
+        """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
+        source, driven = self._find_start(source)
+        found: dict[int, float] = self.graph.routes.distances_with_turns(
+            source, None, weight, None, self._turns, driven
+        )
+        return found
+
+    def distance_matrix(self, sources: Sequence[int], targets: IntArray, weight: str | None = "length") -> FloatArray:
+        """Return the lengths of the shortest paths, (sources, targets); infinite if there is none."""
+        ends = targets.tolist()
+        several = [self.distances(source, weight) for source in sources]
+        return np.array([[far.get(end, inf) for end in ends] for far in several]).reshape(len(several), len(ends))
+
+    def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
+        """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
+        far = self.graph.distances(source=[*sources], turns=self._turns)
+        return [far.get(target, inf) for target in targets]

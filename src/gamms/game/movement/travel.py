@@ -6,7 +6,7 @@ ids are only looked up when code reads them.
 """
 
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.core import by_edges
 from gamms.core import travel as core
 from gamms.core.ask import TravelSearch
 from gamms.core.block import INT64
@@ -708,6 +709,7 @@ class ResolvedAction(NamedTuple):
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
     edge: int | None = None  # id of the edge that the action has named, or that an agent that obeys turns takes
+    edges: tuple[int, ...] = ()  # ids of all edges that an agent by edges takes that obeys turns, as far as it comes
 
     def is_step(self) -> bool:
         """Return whether the agent stays, or moves along one edge to another node."""
@@ -850,6 +852,269 @@ class Travel(TravelSearch):
         self.take_trips(self._trips)
 
 
+class FollowingStates(NamedTuple):
+    """What may follow each state of traffic on a map, for `core.by_edges.TrafficStates`."""
+
+    offsets: IntArray  # (states + 1,)
+    after: IntArray  # states
+    kept: IntArray  # (states,)
+
+    def list_after(self, state: int) -> list[int]:
+        """Return the states that may follow a state."""
+        found: list[int] = self.after[self.offsets[state] : self.offsets[state + 1]].tolist()
+        return found
+
+
+class TrafficTable:
+    """The states of traffic that obeys turn restrictions by edges, on a graph and on maps with some of its edges.
+
+    They are those of `kernels.turn_states`; behind them is one for each node, in which traffic begins there.
+
+    Args:
+        columns: the columns of the graph.
+        mode: the mode of travel.
+
+    Attributes:
+        nodes: (states,) the row of the node of each state.
+        edges: (states,) the row of the last edge; -1: traffic begins on the node.
+        sources: (states,) the row of the node at the beginning of this edge; -1: traffic begins on the node.
+        begin: the number of the state in which traffic begins on the first node.
+    """
+
+    def __init__(self, columns: GraphColumns, mode: str) -> None:
+        row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
+        paths = forbidden_paths(columns).get(split_mode(mode)[0], [])
+        self._columns = columns
+        self._forbidden = kernels.ForbiddenPaths(tuple(row_of[id] for id in path) for path in paths)
+        self._begins = [*self._forbidden.begins]
+        edges = np.arange(len(columns.edge_ids))
+        edges = np.append(edges, np.array([path[-1] for path in self._begins], np.int64))
+        none = np.full(len(columns.node_ids), -1)
+        self.begin = len(edges)
+        self.edges = np.append(edges, none)
+        self.sources = np.append(columns.sources[edges], none).astype(np.int64)
+        self.nodes = np.append(columns.targets[edges], np.arange(len(none))).astype(np.int64)
+
+    def find_following(self, rows: IntArray, costs: FloatArray) -> FollowingStates:
+        """Return what may follow each state on a map.
+
+        Args:
+            rows: the rows of the edges of the map that the mode may use, in their order there.
+            costs: (edges,) the costs of all edges, by which the cheapest of parallel edges comes first.
+        """
+        columns = self._columns
+        is_open = np.zeros(len(columns.edge_ids), np.bool_)
+        is_open[rows] = True
+        going = rows[columns.sources[rows] != columns.targets[rows]]
+        steps = kernels.turn_states(columns.sources, columns.targets, columns.lengths, is_open, self._forbidden)
+        starts = np.append(steps.starts, self.begin + columns.sources[going])
+        ends = np.append(steps.ends, going)
+        place = np.zeros(len(columns.edge_ids), np.int64)  # of each edge on the map,
+        place[going] = np.arange(len(going))
+        pairs = columns.sources[going] * len(columns.node_ids) + columns.targets[going]
+        _, first, number = np.unique(pairs, return_index=True, return_inverse=True)
+        near = np.zeros(len(columns.edge_ids), np.int64)  # and of the first one between the same nodes
+        near[going] = first[number]
+        edges = self.edges[ends]
+        order = np.lexsort((place[edges], costs[edges], near[edges], starts))
+        offsets = np.searchsorted(starts[order], np.arange(len(self.nodes) + 1))
+        is_going = np.zeros(len(columns.edge_ids), np.bool_)
+        is_going[going] = True
+        return FollowingStates(offsets.astype(np.int64), ends[order], self._find_kept(is_going))
+
+    def _find_kept(self, is_open: BoolArray) -> IntArray:
+        """Return the state that is left of each one without the edges before its last closed one; -1: none."""
+        kept = np.full(len(self.nodes), -1)
+        count = len(is_open)
+        kept[:count] = np.where(is_open, np.arange(count), -1)
+        for place, path in enumerate(self._begins):
+            closed = [number for number, edge in enumerate(path) if not is_open[edge]]
+            rest = path[closed[-1] + 1 :] if closed else path
+            kept[count + place] = self.find_state(rest) if rest else -1
+        return kept
+
+    def find_state(self, edges: Sequence[int]) -> int:
+        """Return the state of traffic that has driven edges by row, at least one."""
+        state: tuple[int, ...] = (edges[0],)
+        for edge in edges[1:]:
+            state = self._forbidden.step(state, edge) or (edge,)
+        return state[0] if len(state) == 1 else len(self._columns.edge_ids) + self._begins.index(state)
+
+    def list_edges(self, state: int) -> tuple[int, ...]:
+        """Return the rows of the edges that traffic in a state has driven, as far as they matter."""
+        beyond = state - len(self._columns.edge_ids)
+        return (state,) if beyond < 0 else self._begins[beyond]
+
+
+def bind_states(
+    tables: Sequence[TrafficTable], begin_of_agent: IntArray, driven: IntArray, driving: IntArray
+) -> by_edges.TrafficStates:
+    """Return the states of traffic of several modes in the form of the core, for one thread; see there."""
+    columns = [[getattr(one, name) for one in tables] for name in ("nodes", "edges", "sources")]
+    views: list[Any] = [np.concatenate(several).data for several in columns]
+    working: Any = np.zeros(5 * len(views[0]), np.int64).data
+    of_agents = [kernels.buffer(one.reshape(-1)) for one in (begin_of_agent, driven, driving)]
+    return by_edges.TrafficStates(*[*views, of_agents[0], working, *of_agents[1:]])
+
+
+class MovesWithTurns:
+    """Finds the moves of agents by edges that obey turn restrictions, on one revision of a graph.
+
+    Args:
+        columns: the columns of the graph.
+        mode: the mode of travel.
+        costs: (edges,) the costs by which agents choose among parallel edges.
+    """
+
+    def __init__(self, columns: GraphColumns, mode: str, costs: FloatArray) -> None:
+        self.columns = columns
+        self._costs = costs
+        self._ids: list[int] = columns.node_ids.tolist()
+        self._edge_ids: list[int] = columns.edge_ids.tolist()
+        self._row_of = RowsOfIds("node", self._ids)
+        self._edge_rows = RowsOfIds("edge", self._edge_ids)
+        self._table = TrafficTable(columns, mode)
+        self._following = self._table.find_following(np.flatnonzero(find_usable_edges(columns, mode)), costs)
+        nothing = np.full(1, -1)
+        self._states = bind_states([self._table], np.array([self._table.begin]), nothing, nothing)
+        self._states.take_maps(*[*map(kernels.buffer, self._following), kernels.buffer(np.zeros(1, np.int64))])
+        by_edges.use_states(self._states, 0, 0)
+        self._reach = ReachableNodes(len(self._ids))
+        self._make_room(len(self._ids) + _MORE_LEGS)
+
+    def _make_room(self, most: int) -> None:
+        """Allocate memory for paths over `most` nodes."""
+        self._most = most
+        self._trips = paths_of_one(most)
+        self._paths = by_edges.PathsWithTurns(self._trips, self._states, self._reach.core)
+
+    def _find_state(self, here: int, driven: Sequence[int]) -> int:
+        """Return the state of an agent on a node that has driven edges, given by their ids."""
+        rows = [self._edge_rows[edge] for edge in driven]
+        return self._table.find_state(rows) if rows else self._table.begin + self._row_of[here]
+
+    def _begin(self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None) -> int:
+        """Place an agent at its start; return its state."""
+        state = self._find_state(here, driven)
+        is_partial = place is not None and place.source == here
+        ahead = self._row_of.get(place.target, -1) if place is not None and is_partial else -1
+        covered = place.share if place is not None and is_partial else 0.0
+        pace = nan if speed is None else min(speed, float(len(self._ids)))
+        by_edges.begin_with_turns(self._paths, 0, state, ahead, covered, pace)
+        return state
+
+    def find_legal(
+        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None
+    ) -> tuple[int, ...]:
+        """Return the legal nodes of an agent in this turn, its own first.
+
+        Args:
+            here: the id of its node.
+            driven: the ids of the edges by which it has come there.
+            speed: its speed; None: one edge.
+            place: the part of an edge that it has covered; None: none.
+        """
+        state = self._begin(here, driven, speed, place)
+        count = by_edges.find_legal_with_turns(self._paths, 0, state)
+        return tuple([self._ids[row] for row in self._reach.nodes[:count].tolist()])
+
+    def go_towards(
+        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, target: int
+    ) -> ResolvedAction:
+        """Return the move of an agent toward another node, along a path with the fewest edges; see `find_legal`.
+
+        Raises:
+            BadValue: there is no path.
+        """
+        state = self._begin(here, driven, speed, place)
+        if not by_edges.go_to_with_turns(self._paths, 0, state, self._row_of[target]):
+            raise BadValue(str(NoPath(here, target)))
+        return self._end_move()
+
+    def go_over(
+        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, route: Sequence[int]
+    ) -> ResolvedAction:
+        """Return the move of an agent over a route of nodes, by the cheapest edges whose turns are all legal.
+
+        Raises:
+            BadValue: no edges along the route are legal.
+        """
+        rows = [self._row_of[node] for node in route]
+        state = self._find_state(here, driven)
+        edges = find_legal_edges(state, here, rows, self._ids, self._list_onward, self._costs)
+        return self.go_along(here, driven, speed, place, [self._edge_ids[row] for row in edges])
+
+    def go_along(
+        self, here: int, driven: Sequence[int], speed: float | None, place: Progress | None, edges: Sequence[int]
+    ) -> ResolvedAction:
+        """Return the move of an agent along legal edges, given by their ids."""
+        if not edges:
+            return ResolvedAction(here, (here,))
+        if len(edges) + _MORE_LEGS > self._most:
+            self._make_room(len(edges) + _MORE_LEGS)
+        state = self._begin(here, driven, speed, place)
+        for number, edge in enumerate(edges):
+            self._trips.route[number] = self._edge_rows[edge]
+        by_edges.go_along_with_turns(self._paths, 0, state, len(edges))
+        return self._end_move()
+
+    def _list_onward(self, state: int) -> list[tuple[int, int, int]]:
+        """Return what may follow a state: the rows of the edge and of its end, and the next state, of each."""
+        table = self._table
+        return [(int(table.edges[one]), int(table.nodes[one]), one) for one in self._following.list_after(state)]
+
+    def _end_move(self) -> ResolvedAction:
+        """Return the path that the core has written."""
+        trips = self._trips
+        passed = trips.passed[0]
+        ahead = trips.edge[0]
+        path = tuple([self._ids[row] for row in memoryview(trips.nodes)[:passed].tolist()])
+        taken = memoryview(trips.edges)[: passed if ahead >= 0 else passed - 1].tolist()
+        edges = tuple([self._edge_ids[row] for row in taken])
+        progress = None if ahead < 0 else Progress(path[-1], self._ids[ahead], trips.share[0])
+        return ResolvedAction(
+            path[-1], path, progress=progress, edge=edges[0] if len(edges) == 1 else None, edges=edges
+        )
+
+
+def find_legal_edges(
+    state: int,
+    at: int,
+    nodes: Sequence[int],
+    ids: Sequence[int],
+    list_onward: Callable[[int], list[tuple[int, int, int]]],
+    costs: FloatArray,
+) -> list[int]:
+    """Return the rows of the cheapest edges from a state of traffic over nodes, whose turns are all legal.
+
+    Args:
+        state: the state.
+        at: the id of its node.
+        nodes: the rows of the nodes; a node that is repeated counts once.
+        ids: the ids of nodes by row.
+        list_onward: returns what may follow a state: the rows of the edge and of its end, and the next state, of each.
+        costs: (edges,) the costs.
+
+    Raises:
+        BadValue: no edges over the nodes are legal.
+    """
+    best: dict[int, tuple[float, list[int]]] = {state: (0.0, [])}
+    for row in nodes:
+        if ids[row] == at:
+            continue
+        following: dict[int, tuple[float, list[int]]] = {}
+        for begun, (cost, edges) in best.items():
+            for edge, end, after in list_onward(begun):
+                found = cost + float(costs[edge]), [*edges, edge]
+                if end == row and (after not in following or found < following[after]):
+                    following[after] = found
+        if not following:
+            raise BadValue(f"No edge that a turn restriction allows leads on from node {at} to node {ids[row]}.")
+        best = following
+        at = ids[row]
+    return min(best.values())[1]
+
+
 class TurnMap:
     """The states of traffic that obeys turn restrictions, as a map for the core: its nodes are these states.
 
@@ -983,24 +1248,9 @@ class TravelWithTurns(Travel):
 
     def _find_edges(self, state: int, at: int, nodes: Sequence[int]) -> list[int]:
         """Return the rows of the cheapest edges from a state along nodes, whose turns are all legal."""
+        roads = self.roads
         turns = self.turns
-        costs = turns.routes.costs
-        best: dict[int, tuple[float, list[int]]] = {state: (0.0, [])}
-        for node in nodes:
-            row = self.roads.row(node)
-            if node == at:
-                continue
-            following: dict[int, tuple[float, list[int]]] = {}
-            for begun, (cost, edges) in best.items():
-                for edge, end, after in turns.onward(begun):
-                    found = cost + float(costs[edge]), [*edges, edge]
-                    if end == row and (after not in following or found < following[after]):
-                        following[after] = found
-            if not following:
-                raise BadValue(f"No edge that a turn restriction allows leads on from node {at} to node {node}.")
-            best = following
-            at = node
-        return min(best.values())[1]
+        return find_legal_edges(state, at, [*map(roads.row, nodes)], roads.ids, turns.onward, turns.routes.costs)
 
     def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:  # noqa: ARG002
         """Find the shortest path of an agent toward a node over legal turns, as far as the turn allows.
