@@ -1,7 +1,8 @@
 """Cop numbers of named graphs, by `gamms.solve.cop_number`, by an enumeration with another algorithm, and by theorems.
 
 The enumeration: a node is safe for a robber if after each move of the cops a step leads to a node that is safe then.
-Cops win if some formation leaves no safe node (Clarke and MacGillivray, Discrete Mathematics 312, 2012).
+Cops win if some formation leaves no safe node (Clarke and MacGillivray, Discrete Mathematics 312, 2012). The theorems:
+Nowakowski and Winkler, Discrete Mathematics 43, 1983; Aigner and Fromme, Discrete Applied Mathematics 8, 1984.
 """
 
 import networkx as nx

@@ -35,7 +35,6 @@ def find_value():
     return max((count - 1) / sum(1.0 / worth for worth in worths[:count]) for count in range(1, len(worths) + 1))
 
 
-rows = []
 if __name__ == "__main__":
     raid = Scenario(
         folder=Path(__file__).parent,
@@ -48,7 +47,7 @@ if __name__ == "__main__":
     raids = {worth: {"function": "gamms.strategies:goto", "with": {"target": node}} for node, worth in WORTH.items()}
     vary = {"strategies.guards": {"solved": solution.strategy("guards")}, "strategies.raiders": raids}
     shares = experiment.run(raid, range(300), vary).summary(metrics=["wins.guards"], confidence=0.99)
-    rows.append({"result": "worth of a raid", "expected": value, "ours": solution.value, "low": nan, "high": nan})
+    rows = [{"result": "worth of a raid", "expected": value, "ours": solution.value, "low": nan, "high": nan}]
     rows[-1]["agrees"] = abs(value - solution.value) < 1e-9
     for worth, ours, low, high in zip(WORTH.values(), shares["mean"], shares["low"], shares["high"], strict=True):
         expected = max(0.0, 1.0 - value / worth)

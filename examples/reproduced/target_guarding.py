@@ -2,8 +2,8 @@
 
 Each is first at the points that are nearer to it, so the intruder comes as near as the bisector of both is to the
 target: half the difference of the squares of their distances from it, over the distance between them (Isaacs,
-Differential Games, 1965, section 1.9). Both fly to that point of the bisector, with an error of a step. No intruder who
-flies straight on, in one of 12 directions, comes nearer.
+Differential Games, 1965, example 1.9.2). Both fly to that point of the bisector, with an error of a step. No intruder
+who flies straight on, in one of 12 directions, comes nearer.
 """
 
 import numpy as np

@@ -249,7 +249,8 @@ class Rows(Sequence[Row]):
         are of the means of the seeds.
 
         Columns: first, second, pairs, seeds, difference (first minus second) with its interval, effect (Cohen's d_z)
-        and p of a permutation test, corrected for the number of comparisons after Holm. With fewer than 30 seeds,
+        and p of a permutation test, corrected for the number of comparisons after Holm. A note names the other varied
+        keys, which are averaged over: see `interaction`. With fewer than 30 seeds,
         `t_low` and `t_high` are the ends of Student's interval. The table prints p as "< 0.0002" where the test cannot
         give a smaller one.
 
@@ -262,8 +263,8 @@ class Rows(Sequence[Row]):
             UnknownName (KeyError): the rows lack the column or key.
             MissingExtra (ImportError): SciPy is not installed.
         """
-        names = ("first", "second", "pairs")
-        return _compare(names, self._differences(metric, by), confidence)
+        differences = self._differences(metric, by)
+        return _compare(("first", "second", "pairs"), differences, confidence, self._note_averaged([by]))
 
     def interaction(self, metric: str, a: str, b: str, *, confidence: float = 0.95) -> Table:
         """Test whether the difference between values of one key depends on another key.
@@ -302,7 +303,8 @@ class Rows(Sequence[Row]):
                 plus = [values.get(cell, {}) for cell in ((first_a, first_b), (second_a, second_b))]
                 minus = [values.get(cell, {}) for cell in ((second_a, first_b), (first_a, second_b))]
                 contrasts[first_a, second_a, first_b, second_b] = _find_contrast(plus, minus)
-        return _compare(("first_a", "second_a", "first_b", "second_b", "quadruples"), contrasts, confidence)
+        names = ("first_a", "second_a", "first_b", "second_b", "quadruples")
+        return _compare(names, contrasts, confidence, self._note_averaged([a, b]))
 
     def _differences(self, metric: str, by: str) -> dict[tuple[Any, ...], BySeed]:
         """Return the differences of paired games by seed, for each pair of values of a key."""
@@ -377,8 +379,7 @@ class Rows(Sequence[Row]):
         name = self._as_metric(y)
         across = self.keys[0] if x is None else x
         keys = self._as_keys([across] if hue is None else [across, hue])
-        averaged = [key for key in self.keys if key not in keys]
-        notes = [f"Averaged over {', '.join(averaged)}."] if averaged else []
+        notes = self._note_averaged(keys)
         is_few = False
         series: dict[Any, list[tuple[Any, Interval]]] = {}
         for settings, rows in self._groups(keys).items():
@@ -390,6 +391,11 @@ class Rows(Sequence[Row]):
         if is_few:
             notes.append(f"{_TOO_NARROW}.")
         return plot(across, name, hue, series, ax, notes)
+
+    def _note_averaged(self, keys: Sequence[str]) -> list[str]:
+        """Return the note that names the other keys with several values, over which games are averaged."""
+        averaged = [key for key in self.keys if key not in keys and len({row[key] for row in self._rows}) > 1]
+        return [f"Averaged over {', '.join(averaged)}."] if averaged else []
 
     def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
         groups: dict[tuple[Any, ...], list[Row]] = {}
@@ -501,13 +507,16 @@ def _find_contrast(
     return by_seed
 
 
-def _compare(names: Sequence[str], contrasts: Mapping[tuple[Any, ...], BySeed], confidence: float) -> Table:
+def _compare(
+    names: Sequence[str], contrasts: Mapping[tuple[Any, ...], BySeed], confidence: float, notes: Sequence[str]
+) -> Table:
     """Return a table of contrasts, each with interval, effect and p over seeds.
 
     Args:
         names: the columns of the values that are compared, then that of the number of contrasts of games.
         contrasts: the values that are compared -> the contrasts by seed.
         confidence: the confidence level of the intervals.
+        notes: sentences below the table.
     """
     *labels, count = names
     made = []
@@ -524,7 +533,7 @@ def _compare(names: Sequence[str], contrasts: Mapping[tuple[Any, ...], BySeed], 
     if not made:
         return Table({one: np.array([]) for one in (*names, "seeds", *PairedComparison._fields)}, unit=_UNIT)
     is_few = any(len(by_seed) < FEW_SEEDS for by_seed in contrasts.values())
-    return _make_table(made, is_few=is_few, least={"p": min(LEAST_P * len(made), 0.999)})
+    return _make_table(made, is_few=is_few, notes=notes, least={"p": min(LEAST_P * len(made), 0.999)})
 
 
 def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, float]:
@@ -533,12 +542,14 @@ def _find_ends_of_t(means: Sequence[float], confidence: float) -> dict[str, floa
     return dict(zip(_ENDS_OF_T, ends, strict=True))
 
 
-def _make_table(rows: list[dict[str, Any]], *, is_few: bool, least: Mapping[str, float] | None = None) -> Table:
+def _make_table(
+    rows: list[dict[str, Any]], *, is_few: bool, notes: Sequence[str] = (), least: Mapping[str, float] | None = None
+) -> Table:
     """Return a table of means over seeds; only if some of them are of few seeds, it has Student's intervals."""
     if is_few:
-        return Table.of(rows, notes=[_HAS_T], least=least, unit=_UNIT)
+        return Table.of(rows, notes=[*notes, _HAS_T], least=least, unit=_UNIT)
     columns = [{name: value for name, value in row.items() if name not in _ENDS_OF_T} for row in rows]
-    return Table.of(columns, least=least, unit=_UNIT)
+    return Table.of(columns, notes=notes, least=least, unit=_UNIT)
 
 
 def _by_seed(name: str, rows: Sequence[Row]) -> dict[int, list[float]]:
