@@ -4,6 +4,7 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import partial
+from itertools import takewhile
 from reprlib import Repr
 from threading import Lock
 from types import FunctionType
@@ -21,6 +22,8 @@ _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks 
 _NOT_IN_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes a while to compile
 _FORMULA = re.compile("'*[=+\\-@\t\r]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_SECTION = re.compile(r"(Args|Attributes|Returns|Yields|Raises|Requires|Ensures):")
+_ENTRY = re.compile(r"    ([\w*]+(?:, [\w*]+)*): +(.*)")  # of a section of a docstring
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
@@ -157,6 +160,37 @@ def as_cell(value: T) -> T | str:
 def from_cell(text: str) -> str:
     """Return the text that `as_cell` has written."""
     return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
+
+
+def paragraphs_of(docs: str | None) -> list[str]:
+    """Return the paragraphs of a docstring before its first section, each on one line."""
+    from inspect import cleandoc  # which few programs need
+
+    parts = (part for part in cleandoc(docs or "").split("\n\n") if part)
+    return [" ".join(part.split()) for part in takewhile(lambda part: not _SECTION.match(part), parts)]
+
+
+def summary_of(docs: str | None) -> str:
+    """Return the first paragraph of a docstring on one line; "" without a docstring."""
+    return " ".join(paragraphs_of(docs)[:1])
+
+
+def entries_of(docs: str | None) -> dict[str, str]:
+    """Return the entries of the sections Args and Attributes of a docstring: name -> text on one line."""
+    from inspect import cleandoc
+
+    found: dict[str, str] = {}
+    names: list[str] = []
+    is_inside = False
+    for line in cleandoc(docs or "").splitlines():
+        if line and not line.startswith(" "):
+            is_inside = line in ("Args:", "Attributes:")
+        elif is_inside and (entry := _ENTRY.fullmatch(line)):
+            names = entry[1].split(", ")
+            found.update(dict.fromkeys(names, entry[2]))
+        elif is_inside and line:
+            found.update({name: f"{found[name]} {line.strip()}" for name in names})
+    return found
 
 
 def printable_line(text: str) -> str:

@@ -4,7 +4,7 @@ import pytest
 
 from gamms.scenario import Scenario, ScenarioError
 from gamms.scenario.code import OFFERED, first_of, offered
-from gamms.scenario.kinds import kind_of
+from gamms.scenario.validation import kind_of
 
 TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
 

@@ -19,6 +19,8 @@ from gamms.cli.gallery import gallery
 from gamms.cli.new import new
 from gamms.cli.output import INTERRUPTED, console, echo, explained, guarded, rich_table, warn, write_page
 from gamms.cli.studies import study
+from gamms.errors import BadValue, nearest
+from gamms.folders import write_whole
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -52,6 +54,55 @@ def check(
         game.build().terminate()
         done.append("the whole game, built once")
     echo(f"{file}: all is well. Checked: {'; '.join(done)}.")
+
+
+def describe(
+    file: play.ScenarioFile,
+    format: Annotated[str, typer.Option("--format", help="odd: the ODD protocol.", metavar="FORMAT")] = "odd",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="A .md or .html file to write; by default Markdown is printed.", metavar="FILE"),
+    ] = None,
+    build: Annotated[
+        bool, typer.Option("--build", help="Also load maps that code makes, or a server sends: this runs the code.")
+    ] = False,
+    allow: play.Allow = None,
+    key_variable: play.KeyVariable = None,
+) -> None:
+    """Describe a scenario by the ODD protocol, for papers."""
+    from gamms import scenario
+    from gamms.scenario.describing import FORMATS, as_page
+
+    if format not in FORMATS:
+        raise BadValue(f"There is no format {format!r}.{nearest(format, FORMATS)} Formats are: {', '.join(FORMATS)}.")
+    suffix = ".md" if out is None else out.suffix.lower()
+    if suffix not in (".md", ".html"):
+        raise BadValue(f"A description is a .md or .html file: give such a name instead of {str(out)!r}.")
+    game = scenario.load(file, allow or (), key_variable=key_variable)
+    text = game.describe(build=build)
+    if out is None:
+        echo(text.removesuffix("\n"))
+        return
+    if suffix == ".html":
+        text = as_page(text, game.spec.name or file.name)
+    write_whole(out, text.encode(), through_links=True)
+    echo(f"Wrote {out}.")
+
+
+def diff(
+    first: play.ScenarioFile,
+    second: Annotated[Path, typer.Argument(help="Another scenario.", metavar="SECOND", show_default=False)],
+    allow: play.Allow = None,
+) -> None:
+    """Print where two scenario files differ; exit code 1 if so."""
+    from gamms import scenario
+
+    found = scenario.load(first, allow or ()).differences(scenario.load(second, allow or ()))
+    for line in found:
+        echo(printable_line(line))
+    if found:
+        raise typer.Exit(1)
+    echo(f"{first} and {second} are the same scenario.")
 
 
 def schema() -> None:
@@ -162,6 +213,11 @@ _COMMANDS: _Commands = {
 }
 _ON_SCENARIOS: _Commands = {
     check: ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build"),
+    describe: (
+        "gamms scenario describe match.yaml --format odd",
+        "gamms scenario describe match.yaml --out match.html --build",
+    ),
+    diff: ("gamms scenario diff match.yaml other.yaml",),
     schema: ("gamms scenario schema > schema.json",),
 }
 _EXPERIMENTS: _Commands = {

@@ -5,7 +5,8 @@
 
 Read `spec.py` first: the keys of a file and their types. `documents.py` reads files, `validation.py` checks consistency
 beyond types, and `code.py` finds, imports and calls the functions that a file names. `scenario.py` has the class;
-`maps.py` loads the map, `placement.py` draws starting nodes, and `builder.py` builds the game in a context.
+`maps.py` loads the map, `placement.py` draws starting nodes, `builder.py` builds the game in a context, and
+`describing.py` describes it in words.
 May import: `context` and below. To add a key, declare it in `spec.py` and implement it in `builder.py`.
 """
 

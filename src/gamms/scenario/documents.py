@@ -242,6 +242,53 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
     return new
 
 
+def differences(first: Plain, second: Plain, path: str = "") -> Iterator[str]:
+    """Yield a line for each place where two plain values differ.
+
+    Items of lists are compared by their labels, such as the names of agents and rules, where both lists have unique
+    ones; otherwise by their numbers.
+    """
+    with_labels = _has_labels(first) and _has_labels(second)
+    one = _labeled(first, with_labels=with_labels)
+    other = _labeled(second, with_labels=with_labels)
+    if one is None or other is None or type(first) is not type(second):
+        if first != second or isinstance(first, bool) != isinstance(second, bool):
+            yield f"{path}: {_written(first)}, and {_written(second)}"
+        return
+    for key in dict.fromkeys([*one, *other]):
+        place = joined(path, key)
+        if key not in other:
+            yield f"{place}: {_written(one[key])}, and not there"
+        elif key not in one:
+            yield f"{place}: not there, and {_written(other[key])}"
+        else:
+            yield from differences(one[key], other[key], place)
+    orders = [[str(key) for key in keys if key in one and key in other] for keys in (one, other)]
+    if isinstance(first, list) and orders[0] != orders[1]:
+        yield f"{path}: in the order {', '.join(orders[0])}, and {', '.join(orders[1])}"
+
+
+def _has_labels(value: Plain) -> bool:
+    """Return whether the items of a list have different names."""
+    labels = _known(value) if isinstance(value, list) else []
+    return all(labels) and len(set(labels)) == len(labels)
+
+
+def _labeled(value: Plain, *, with_labels: bool) -> dict[Plain, Plain] | None:
+    """Return the items of a mapping or list by their keys, labels or numbers; None for another value."""
+    if isinstance(value, dict):
+        return value
+    if not isinstance(value, list):
+        return None
+    keys: list[Plain] = [*_known(value)] if with_labels else [*range(len(value))]
+    return dict(zip(keys, value, strict=True))
+
+
+def _written(value: Plain) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return printable(text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text):,} characters)")
+
+
 def _found(here: Plain, part: str) -> Plain:
     """Return the key or index that a part of a path means; None if it does not exist."""
     if isinstance(here, dict):
@@ -269,8 +316,16 @@ def _known(here: Plain) -> list[str]:
     if isinstance(here, dict):
         return [str(key) for key in here]
     if isinstance(here, list):
-        return [str(one.get("name", one.get("rule", ""))) if isinstance(one, dict) else str(one) for one in here]
+        return [_label_of(one) for one in here]
     return []
+
+
+def _label_of(item: Plain) -> str:
+    """Return the name of an item of a list, or its rule; "" if it has neither."""
+    if not isinstance(item, dict):
+        return str(item)
+    name = item.get("name")
+    return str(item.get("rule", "") if name is None else name)
 
 
 # -- files -----------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import Any
 from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
 from gamms.compat import Surface, part_with
 from gamms.context import Context, create_context
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
 from gamms.game.block.columns import as_seeds
 from gamms.game.result import Result, warn_of_idle
@@ -24,6 +24,7 @@ from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
 from gamms.scenario.code import ON_REQUEST, CodeLibrary, CodeReference, CodeSources, allowed
+from gamms.scenario.describing import OddDocument
 from gamms.scenario.documents import ScenarioError, named, on_map
 from gamms.scenario.placement import AgentPlacement, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
@@ -216,6 +217,32 @@ class Scenario(Surface, Immutable):
                     f"the places of {sum(map(len, agents.values()))} agents",
                 ]
         return done
+
+    def describe(self, *, build: bool = False) -> str:
+        """Return a description of the game by the ODD protocol, as Markdown; see docs/scenarios.md.
+
+        Args:
+            build: also load maps that are made by code or servers, whose code is run then; otherwise no code is run.
+
+        Raises:
+            ScenarioError: a part of the scenario cannot be built as it is written.
+        """
+        found = self.code()
+        is_loaded = build or maps.is_data(self.spec.map)
+        map = self.map_snapshot() if is_loaded else None
+        starts = self.starts([self.spec.seed]) if is_loaded and self.spec.seed is not None else {}
+        with named(self.file, self._raw):
+            return OddDocument(self.spec, self._raw, found, self.folder, map, starts).write()
+
+    def differences(self, other: "Scenario") -> list[str]:
+        """Return a line for each key whose value differs in another scenario; a default counts like the same value.
+
+        Raises:
+            BadType: the other is not a scenario.
+        """
+        if not isinstance(other, Scenario):
+            raise BadType(f"differences needs another Scenario, not {shown(other)}.")
+        return [*documents.differences(to_plain(self.spec), to_plain(other.spec))]
 
     def digests(self) -> dict[str, str]:
         """Return the SHA-256 of each part of the game, in hexadecimal; this imports its code and loads the map.

@@ -1,12 +1,13 @@
 """The schema of scenario files: keys, types and defaults, and checks of values. Uses msgspec.
 
-`Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
+`Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error. Docstrings explain the
+keys to editors and in descriptions, except where the function whose argument a key is explains it: see `describing.py`.
 """
 
 import builtins
 import re
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from itertools import chain, count
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
@@ -17,7 +18,7 @@ from msgspec.structs import FieldInfo
 
 from gamms.errors import nearest
 from gamms.scenario.documents import ScenarioError, joined
-from gamms.text import shown
+from gamms.text import entries_of, shown, summary_of
 
 Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of streets.")]
 Count = Annotated[int, Meta(ge=0)]
@@ -58,7 +59,12 @@ class _Mapping(
 
 
 class LatLon(_Mapping, frozen=True, kw_only=True):
-    """A position in degrees, which stands for the nearest node."""
+    """A position in degrees, which stands for the nearest node.
+
+    Attributes:
+        lat: degrees north.
+        lon: degrees east.
+    """
 
     lat: float
     lon: float
@@ -69,24 +75,39 @@ Outline = Annotated[list[Xy], Meta(min_length=3, description="The corners of an 
 
 
 class Code(_Mapping, frozen=True, kw_only=True):
-    """A function with parameters."""
+    """A function with parameters.
+
+    Attributes:
+        function: the function, `module:function`.
+        with: its parameters by name.
+    """
 
     function: Reference
     with_: Values = {}
 
 
 class Plan(Code, frozen=True, kw_only=True):
-    """A function that decides for all agents of a team, with parameters."""
+    """A function that decides for all agents of a team, with parameters.
+
+    Attributes:
+        arrays: whether it gets and returns arrays.
+    """
 
     arrays: bool = False
 
 
 class Grid(_Mapping, frozen=True, kw_only=True):
-    """A grid of streets."""
+    """A grid of streets.
+
+    Attributes:
+        rows: the number of rows of nodes.
+        columns: the number of nodes in each row.
+        spacing: metres between neighbors.
+    """
 
     rows: Annotated[int, Meta(ge=1)]
-    columns: Annotated[int, Meta(ge=1, description="Nodes in each row.")]
-    spacing: Annotated[float, Meta(gt=0.0, description="Metres between neighbours.")] = 10.0
+    columns: Annotated[int, Meta(ge=1)]
+    spacing: Annotated[float, Meta(gt=0.0)] = 10.0
 
 
 class Helsinki(_Mapping, frozen=True, kw_only=True):
@@ -99,7 +120,17 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
 
 
 class StreetMap(_Mapping, frozen=True, kw_only=True):
-    """The common keys of maps of real streets."""
+    """The common keys of maps of real streets.
+
+    Attributes:
+        modes: a TOML file of modes of travel in the folder.
+        bidirectional: whether agents may go against one-way streets; None: as the mode says.
+        buildings: whether buildings are obstacles.
+        barriers: whether barriers are obstacles, too, or which of them.
+        tags: tags that edges and nodes keep besides the usual ones.
+        elevation: a .hgt file, or a folder of them, in the folder: nodes get heights, and edges grades.
+        scenery: whether buildings, parks, water and rails are drawn.
+    """
 
     osm_type: Modes | None = None
     modes: Annotated[Location, Meta(description="A TOML file of modes of travel in the folder.")] | None = None
@@ -116,13 +147,24 @@ class StreetMap(_Mapping, frozen=True, kw_only=True):
 
 
 class MapFile(StreetMap, frozen=True, kw_only=True):
-    """A map file in the folder of the scenario: OpenStreetMap, GeoJSON or .gamms."""
+    """A map file in the folder of the scenario: OpenStreetMap, GeoJSON or .gamms.
+
+    Attributes:
+        path: the file.
+    """
 
     path: Location
 
 
 class MapPlace(StreetMap, frozen=True, kw_only=True):
-    """Streets by the name of a place."""
+    """Streets by the name of a place.
+
+    Attributes:
+        location: the name of the place, or of several.
+        truncate_by_edge: whether streets that cross the boundary stay whole.
+        custom_filter: filters of Overpass that replace those of the mode.
+        offline: whether only earlier downloads are used.
+    """
 
     location: str | dict[str, str] | list[str | dict[str, str]]
     truncate_by_edge: bool | None = None
@@ -131,7 +173,16 @@ class MapPlace(StreetMap, frozen=True, kw_only=True):
 
 
 class Map(_Mapping, frozen=True, kw_only=True):
-    """The map of a scenario: exactly one kind of map, and its closed roads."""
+    """The map of a scenario: exactly one kind of map, and its closed roads.
+
+    Attributes:
+        grid: a grid of streets.
+        helsinki: the map of central Helsinki that comes with GAMMS.
+        file: a map file in the folder of the scenario.
+        place: the streets of a place, downloaded.
+        generator: a function that returns a networkx graph.
+        closed: roads that are closed from the start: names of streets, or areas.
+    """
 
     grid: Grid | None = None
     helsinki: Helsinki | None = None
@@ -142,7 +193,13 @@ class Map(_Mapping, frozen=True, kw_only=True):
 
 
 class Sensor(_Mapping, frozen=True, kw_only=True):
-    """A sensor, built-in or a function; each agent that names it gets a separate instance."""
+    """A sensor, built-in or a function; each agent that names it gets a separate instance.
+
+    Attributes:
+        type: the kind of a built-in sensor, such as AGENT_RANGE.
+        function: the function that computes the data, `module:function`.
+        with: its parameters by name.
+    """
 
     type: str | None = None
     function: Reference | None = None
@@ -162,21 +219,38 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
 
 
 class TeamDistance(_Mapping, frozen=True, kw_only=True):
-    """A straight-line distance to every agent of an earlier team."""
+    """A straight-line distance to every agent of an earlier team.
+
+    Attributes:
+        team: the team to keep away from.
+        at_least: the distance in metres.
+    """
 
     team: Name
     at_least: Metres
 
 
 class ModeAttribute(_Mapping, frozen=True, kw_only=True):
-    """The edge attribute that says which edges may be used: by true or false, or by speeds."""
+    """The edge attribute that says which edges may be used: by true or false, or by speeds.
+
+    Attributes:
+        attribute: the name of the edge attribute.
+        turns: whether agents obey the turn restrictions of the map.
+    """
 
     attribute: Name
     turns: Annotated[bool, Meta(description="Whether agents obey the turn restrictions of the map.")] = False
 
 
 class AgentKeys(_Mapping, frozen=True, kw_only=True):
-    """The keys that a team sets for all its agents, or an agent for itself."""
+    """The keys that a team sets for all its agents, or an agent for itself.
+
+    Attributes:
+        altitude: the height at which an aerial agent starts.
+        sensors: name -> sensor, or names of sensors of the scenario.
+        strategy: the function that decides for the agent.
+        meta: plain values for the code of the game.
+    """
 
     type: str | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
@@ -188,14 +262,29 @@ class AgentKeys(_Mapping, frozen=True, kw_only=True):
 
 
 class Agent(AgentKeys, frozen=True, kw_only=True):
-    """An agent; without a node it is placed by the rules of its team."""
+    """An agent; without a node it is placed by the rules of its team.
+
+    Attributes:
+        name: its name, which no other agent has.
+        node: where it starts; None: as its team says.
+    """
 
     name: Name
     node: Place | None = None
 
 
 class Team(AgentKeys, frozen=True, kw_only=True):
-    """A team: listed agents, or a number of agents placed at random."""
+    """A team: listed agents, or a number of agents placed at random.
+
+    Attributes:
+        count: the number of agents that are placed at random, called NAME_0, NAME_1, and so on.
+        agents: agents that are listed one by one.
+        near: the place around which its agents start, within the distance `within`.
+        within: the greatest distance from `near` at the start, in metres.
+        apart: the least distance of its agents from each other at the start, in metres.
+        from: the least distance of its agents from those of earlier teams at the start.
+        plan: the function that decides for all agents of the team.
+    """
 
     count: Count = 0
     agents: list[Agent] = []
@@ -207,7 +296,12 @@ class Team(AgentKeys, frozen=True, kw_only=True):
 
 
 class Rule(_Mapping, frozen=True, kw_only=True):
-    """A rule with parameters."""
+    """A rule with parameters.
+
+    Attributes:
+        rule: the function: a name of `gamms.rules`, or `module:function`.
+        with: its parameters by name.
+    """
 
     rule: Reference
     with_: Values = {}
@@ -216,7 +310,11 @@ class Rule(_Mapping, frozen=True, kw_only=True):
 
 
 class PriorityOrder(_Mapping, frozen=True, kw_only=True):
-    """The teams and roles in the order in which they win."""
+    """The teams and roles in the order in which they win.
+
+    Attributes:
+        by_priority: the teams and roles, the first of which wins.
+    """
 
     by_priority: Annotated[list[Name | Values], Meta(min_length=1)]
 
@@ -251,7 +349,14 @@ class Settings(_Mapping, frozen=True, kw_only=True):
 
 
 class Jammer(_Mapping, frozen=True, kw_only=True):
-    """A jammer of a channel around an agent, all agents of a team, or a place: exactly one of these."""
+    """A jammer of a channel around an agent, all agents of a team, or a place: exactly one of these.
+
+    Attributes:
+        radius_m: the radius in which nothing is heard, in map units.
+        agent: the agent around which the channel is jammed.
+        team: the team around whose agents the channel is jammed.
+        at: the place around which the channel is jammed.
+    """
 
     radius_m: Metres
     agent: Name | None = None
@@ -275,26 +380,68 @@ class Channel(_Mapping, frozen=True, kw_only=True):
 
 
 class Spec(_Mapping, frozen=True, kw_only=True):
-    """A game, completely."""
+    """A game, completely.
 
-    map: Map  # where it is played
-    teams: Annotated[dict[Name, Team], Meta(min_length=1)]  # agents, their start nodes, and strategies
+    Attributes:
+        map: where the game is played.
+        teams: name -> team: agents, their starts and strategies.
+        name: the name of the game.
+        description: what the game is about.
+        seed: the seed from which all draws follow; None: every game has another one.
+        max_turns: the maximum number of turns; None: only rules end the game.
+        sensors: name -> sensor; each agent that names one gets a separate instance.
+        rules: the rules in the order in which they are applied.
+        conflicts: how conflicting moves are resolved; None: all moves are made.
+        channels: name -> channel for messages.
+        settings: the settings of the turn engine.
+        facts: facts for all strategies.
+        data: the initial content of `ctx.game.data`.
+    """
+
+    map: Map
+    teams: Annotated[dict[Name, Team], Meta(min_length=1)]
     name: str = ""
     description: str = ""
-    seed: int | None = None  # all that is drawn follows from it; None: every game is another
-    max_turns: Count | None = None  # the maximum number of turns; None: only rules end the game
-    sensors: dict[Name, Sensor] = {}  # sensors by name; each agent that names one gets a separate instance
-    rules: list[Reference | Rule] = []  # in the order in which they are applied
-    conflicts: Conflicts | None = None  # resolution of conflicting moves; None: all moves are made
-    channels: dict[Name, Channel] = {}  # channels for messages
-    settings: Settings = Settings()  # of the turn engine
-    facts: Values = {}  # facts for all strategies
-    data: Values = {}  # initial content of `ctx.game.data`
+    seed: int | None = None
+    max_turns: Count | None = None
+    sensors: dict[Name, Sensor] = {}
+    rules: list[Reference | Rule] = []
+    conflicts: Conflicts | None = None
+    channels: dict[Name, Channel] = {}
+    settings: Settings = Settings()
+    facts: Values = {}
+    data: Values = {}
 
 
 def schema() -> Values:
     """Return the JSON Schema of a scenario file, for editors."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Spec)}
+    found: Values = {"$schema": "https://json-schema.org/draft/2020-12/schema", **msgspec.json.schema(Spec)}
+    for kind in list_mappings():
+        part = found["$defs"][kind.__name__]
+        part["description"] = summary_of(kind.__doc__)
+        for key, text in key_texts(kind).items():
+            part["properties"][key].setdefault("description", text)
+    return found
+
+
+def list_mappings() -> list[type[msgspec.Struct]]:
+    """Return all mappings of the schema, from the whole file to the innermost ones."""
+    found: list[type[msgspec.Struct]] = [Spec]
+    position = 0
+    while position < len(found):
+        for field in keys_of(found[position]).values():
+            inner = dict.fromkeys(one for _, one in _mappings_in(field.type, ""))
+            found += [one for one in inner if one not in found]
+        position += 1
+    return found
+
+
+def key_texts(kind: type) -> dict[str, str]:
+    """Return the meaning of the keys of a mapping that its docstrings explain."""
+    texts: dict[str, str] = {}
+    for part in reversed(kind.__mro__):
+        texts |= entries_of(part.__doc__)
+    return {key: text for key, text in texts.items() if key in keys_of(kind)}
 
 
 def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or a union of types
@@ -331,6 +478,52 @@ def given_values(part: msgspec.Struct) -> Values:
     return {name: value for name, value in values.items() if value is not None}
 
 
+# -- walking through a scenario ---------------------------------------------------------------------------------
+
+
+def find_mappings(spec: Spec) -> dict[type, list[tuple[str, msgspec.Struct]]]:
+    """Return all mappings of a scenario by their kind, each with its place."""
+    found: dict[type, list[tuple[str, msgspec.Struct]]] = {kind: [] for kind in list_mappings()}
+    waiting: list[tuple[str, object]] = [("", spec)]
+    while waiting:
+        path, value = waiting.pop()
+        if isinstance(value, msgspec.Struct):
+            found[type(value)].append((path, value))
+        parts = [(joined(path, key), one) for key, one in _items_of(value)]
+        waiting += reversed(parts)
+    return found
+
+
+def has_mapping(value: object) -> bool:
+    """Return whether a value is a mapping of the schema, or holds one."""
+    return isinstance(value, msgspec.Struct) or any(has_mapping(one) for _, one in _items_of(value))
+
+
+def _items_of(value: object) -> Iterable[tuple[object, object]]:
+    if isinstance(value, msgspec.Struct):
+        return [(key, getattr(value, field.name)) for key, field in keys_of(type(value)).items()]
+    if isinstance(value, dict):
+        return value.items()
+    return enumerate(value) if isinstance(value, (list, tuple)) else ()
+
+
+def given_keys(part: msgspec.Struct) -> Values:
+    """Return the values of a mapping that differ from their defaults, by their keys, as plain values."""
+    plain = to_plain(part)
+    keys = keys_of(type(part))
+    return {key: plain[key] for key, one in keys.items() if getattr(part, one.name) != default_of(one)}
+
+
+def default_of(field: FieldInfo) -> Any:  # Any: of any type
+    """Return the default of a key."""
+    return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+
+
+def as_builtins(value: object) -> Any:  # Any: of any type
+    """Return a value with its mappings of the schema as plain values."""
+    return msgspec.to_builtins(value)
+
+
 # -- errors -----------------------------------------------------------------------------------------------------
 
 _FEW = 3  # places of a key that are named
@@ -356,7 +549,7 @@ _TYPES = {
 def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
     """Return the error for a value that is not of a type, at the innermost place that is wrong."""
     for option in _options(kind):
-        fields = _fields_of(option) if isinstance(value, dict) else {}
+        fields = keys_of(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
                 hint = _hint_for_key(key, value, option, path)
@@ -374,8 +567,8 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
 
 def _hint_for_key(key: str, value: Mapping[str, Any], kind: object, path: str) -> str:
     """Return the hint for an unknown key of a mapping: where it belongs, or the most similar key, or all keys."""
-    fields = _fields_of(kind)
-    if path and key in _fields_of(Spec):
+    fields = keys_of(kind)
+    if path and key in keys_of(Spec):
         return " It belongs at the top of the file, beside map and teams."
     if kind is Rule and "rule" not in value:
         return nearest(key, fields) or f" Write {{rule: {key}, with: {{…}}}}."
@@ -404,10 +597,10 @@ def _form_of(key: str, value: Mapping[str, Any], kind: object) -> str:
 
     def rank(found: tuple[str, type]) -> tuple[bool, bool]:
         place, inner = found
-        return place.partition(".")[0] not in value, not any(field.required for field in _fields_of(inner).values())
+        return place.partition(".")[0] not in value, not any(field.required for field in keys_of(inner).values())
 
     place, inner = min(_places_of(key, kind), key=rank)
-    needed = [f"{name}: …" for name, field in _fields_of(inner).items() if field.required and name != key]
+    needed = [f"{name}: …" for name, field in keys_of(inner).items() if field.required and name != key]
     form = f"{{{', '.join([*needed, f'{key}: …'])}}}"
     names = place.split(".")
     for name in reversed(names):
@@ -419,9 +612,9 @@ def _form_of(key: str, value: Mapping[str, Any], kind: object) -> str:
 
 def _places_of(key: str, kind: object, path: str = "") -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping inside of a type of mapping that has a key."""
-    for name, field in _fields_of(kind).items():
+    for name, field in keys_of(kind).items():
         for place, inner in _mappings_in(field.type, joined(path, name)):
-            if key in _fields_of(inner):
+            if key in keys_of(inner):
                 yield place, inner
             yield from _places_of(key, inner, place)
 
@@ -429,7 +622,7 @@ def _places_of(key: str, kind: object, path: str = "") -> Iterator[tuple[str, ty
 def _mappings_in(kind: object, path: str) -> Iterator[tuple[str, type]]:
     """Yield the place and the type of each mapping of the schema that a value of a type may be or hold."""
     for option in _options(kind):
-        if _fields_of(option):
+        if keys_of(option):
             yield path, cast("type", option)
         elif get_origin(option) is dict:
             yield from _mappings_in(get_args(option)[1], joined(path, "NAME"))
@@ -453,10 +646,15 @@ def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[t
         yield from zip(count(), value, arguments)
 
 
-def _fields_of(kind: object) -> dict[str, FieldInfo]:
+def keys_of(kind: object) -> dict[str, FieldInfo]:
     """Return the keys of a mapping of the schema; nothing for another type."""
     if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct)):
         return {}
+    return _read_keys(kind)
+
+
+@cache
+def _read_keys(kind: type[msgspec.Struct]) -> dict[str, FieldInfo]:
     return {field.encode_name: field for field in msgspec.structs.fields(kind)}
 
 
@@ -482,10 +680,10 @@ def _in_words(value: object, kind: object, message: str) -> str:
 def _hint_for_form(value: object, kind: object) -> str:
     """Return the hint for a value that is not in the form of a mapping or a list: the form that it probably means."""
     options = _options(kind)
-    mapping = next((option for option in options if _fields_of(option)), None)
+    mapping = next((option for option in options if keys_of(option)), None)
     if mapping is not None and not isinstance(value, dict):
-        keys = f" Its keys are {', '.join(_fields_of(mapping))}."
-        if isinstance(value, str) and value in _fields_of(mapping):
+        keys = f" Its keys are {', '.join(keys_of(mapping))}."
+        if isinstance(value, str) and value in keys_of(mapping):
             return f"{keys} Write {{{value}: …}}."
         is_kind = mapping is Sensor and isinstance(value, str) and value.isidentifier()
         return f"{keys} Write {{type: {value}}}." if is_kind else keys

@@ -178,7 +178,7 @@ class ChannelOptions(TypedDict, total=False):
         jammers: jammers of the channel; a dead jammer has no effect. Default: none.
         teams: a team, or a list, tuple or set of teams, that may use the channel. Default: None, all teams.
         eavesdroppers: an agent or team, or a list, tuple or set of them, that receive all messages that reach them.
-        Default: none.
+            Default: none.
     """
 
     range_m: float | None
