@@ -141,7 +141,7 @@ def verify(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Check the folder of an experiment by its published root; exit code 1 if something in it was altered."""
+    """Check a folder by its published root; exit code 1 if it was altered."""
     from gamms import experiment
 
     found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
