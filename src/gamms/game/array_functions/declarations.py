@@ -195,7 +195,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
 
 
 def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
-    """Note the legal nodes, the positions and the driven edges of agents as the context of their game has them.
+    """Note the legal nodes and the positions of agents as the context of their game has them.
 
     Args:
         state: the state of games, with `noted_moves`.
@@ -214,7 +214,6 @@ def note_moves(state: GameArrays, game: PlayedGame, number: int) -> None:
         node = state.node[number, i]
         moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
         moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
-        moves.driven[number, i] = turns.legality.find_driven(name) if name in known else ()
         progress = block.on_edge(block.row_of(name)) if name in known else None
         place = None if progress is None else located(game.ctx.graph.graph, progress)
         if place is not None:

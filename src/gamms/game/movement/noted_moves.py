@@ -1,4 +1,4 @@
-"""The legal nodes, positions and driven edges of agents in games that are played in contexts of their own."""
+"""The legal nodes and positions of agents in games that are played in contexts of their own."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -25,8 +25,6 @@ class NotedMoves:
         counts: (games, agents) the number of legal nodes.
         nodes: (games, agents, most) their rows.
         places: the positions.
-        driven: (number of a game, number of an agent that obeys turn restrictions) -> the ids of the edges by which it
-            has come to its node, as many as matter; see `GameState.driven`.
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -34,7 +32,6 @@ class NotedMoves:
         self.counts = np.ones(shape, np.int64)
         self.nodes = np.zeros((*shape, 1), np.int64)
         self.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
-        self.driven: dict[tuple[int, int], tuple[int, ...]] = {}
 
     def note(self, game: int, agent: int, legal: IntArray) -> None:
         """Note the legal nodes of an agent, by their rows."""
