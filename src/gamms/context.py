@@ -500,6 +500,17 @@ def create_context(
 contexts.register("gamms")(create_context)
 
 
+def title_of(vis_engine: object, name: str) -> dict[str, Any] | None:
+    """Return the keywords with which a visual engine shows the name of a scenario; None: it does not."""
+    return {"title": name} if vis_engine is visual.Engine.PYGAME and name else None
+
+
+def show_in_window(ctx: Context, vis_engine: "visual.Engine", title: str) -> None:
+    """Give a fork, which shows nothing, a visual engine with the artists of its rules; see `create_context`."""
+    ctx.visual_engine = _visual_engine(ctx, vis_engine, title_of(vis_engine, title) or {})
+    ctx.game.internals.parts.rules.propose_artists()
+
+
 def _call_each(verbs: list[Callable[[], object]]) -> None:
     """Call all functions, the last one first, even if some raise."""
     if verbs:

@@ -39,6 +39,39 @@ UNREAD = Deciders("The reader of the last turn", ())
 _of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(None, AWAITED))
 
 
+class UnknownLook(dict[str, Any]):
+    """Stands for the last state of an agent, or the last data of a sensor, that the batch of a game has not kept."""
+
+    __slots__ = ()
+
+    def __copy__(self) -> "UnknownLook":
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "UnknownLook":
+        return self
+
+
+UNKNOWN_LOOK = UnknownLook()
+
+
+def refuse_unknown_look(look: object, of: str) -> None:
+    """Refuse to read the last state of an agent, or the last data of a sensor, that the batch has not kept.
+
+    Args:
+        look: the state or the data.
+        of: the agent or the sensor, in words.
+
+    Raises:
+        BadValue: it was not kept.
+    """
+    if look is UNKNOWN_LOOK:
+        raise BadValue(
+            f"The batch of this game has not kept what {of} has sensed before this turn. It keeps it if the code of a "
+            "plain function reads agent.state, or sensor.data of agent.sensors, by these names; after the next turn, "
+            "it is known in any case."
+        )
+
+
 class DecidePhase(NotPickled):
     """The state of the decision phase of a context: the agents that decide now.
 
@@ -49,8 +82,6 @@ class DecidePhase(NotPickled):
             set by `decide_in_this_task`; None, UNREAD: no strategy is running. Any: the class depends on the agent
             engine.
         read_turn: if `agent` is UNREAD, makes the states of agents, and the data of their sensors, of the last turn.
-        read_looks: makes states of agents, and data of their sensors, that the context does not have, before they are
-            read; None: it has all.
         are_moves_unread: whether it makes the moves of that turn, too.
         are_memories_known: whether the program has read memories of agents, which it may hold.
         moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
@@ -72,7 +103,7 @@ class DecidePhase(NotPickled):
     __slots__ = (
         *("_is_reading", "_reading", "agent", "agent_kinds", "are_memories_known", "are_moves_unread"),
         *("before_reading", "created", "epoch", "known_names", "moment", "owner_changes", "player"),
-        *("read_looks", "read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
+        *("read_turn", "sensor_changes", "setting_changes", "strategy_changes"),
     )
     _not_pickled = (
         "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a game "
@@ -82,7 +113,6 @@ class DecidePhase(NotPickled):
     def __init__(self) -> None:
         self.agent: Any = None
         self.read_turn: Callable[[], None] | None = None
-        self.read_looks: Callable[[], None] | None = None
         self.are_moves_unread = False
         self.are_memories_known = False
         self._reading = RLock()
@@ -148,12 +178,6 @@ class DecidePhase(NotPickled):
             self.agent = UNREAD
         elif self.agent is UNREAD:
             self.agent = None
-
-    def read_all_looks(self) -> None:
-        """Make the end of the last turn, and all states of agents and data of sensors, unless they are made."""
-        self.read_last_turn()
-        if self.read_looks is not None:
-            self.read_looks()
 
     def read_last_turn(self) -> None:
         """Make the end of the last turn, unless it is made."""
@@ -334,7 +358,13 @@ def leaving_last_turn(method: Method) -> Method:
     return _guarded(method, makes_last_turn=False)
 
 
+CHANGING_VERBS: set[str] = {"setattr", "__setattr__"}
+"""The names of the methods that change a game or a part of it, and of functions that set attributes."""
+
+
 def _guarded(method: Method, *, makes_last_turn: bool) -> Method:
+    CHANGING_VERBS.add(method.__name__)
+
     @wraps(method)
     def guarded(self: Guarded, /, *args: object, **kwargs: object) -> Any:
         phase = self._phase

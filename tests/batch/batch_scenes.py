@@ -38,14 +38,13 @@ class SeparateUnused(SeparateGames):
         games = [one.game for one in engine._maps]
         has_unused = any("unused" in repr(one.rule) for game in games for one in game.rules)
         self._unused = range(len(engine.is_over)) if has_unused else ()
-        self._first_turn = games[0].turn
         super().__init__(engine, *args)
         self._add_unused()
 
     def _add_unused(self):
         for number in self._unused:
             if number not in self:
-                self.add(number, BEYOND, self._first_turn)
+                self.add(number, BEYOND)
 
     def forget(self, numbers):
         super().forget(numbers)

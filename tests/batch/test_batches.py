@@ -226,9 +226,11 @@ def test_a_window_shows_the_game_that_is_asked_for_and_games_are_played_without_
         games.step()
         assert (shown.game.turn, shown.seed) == (2, games.seeds[first])
         assert shown.visual.frame(40, 30).shape == (30, 40, 3)
-        for ask in (lambda: games.context(second), lambda: games.reset([second]), games.run):
+        for ask in (lambda: games.context(second), games.run, lambda: games.reset([second])):
             ask()
-            assert games.context(second) is shown
+            before, shown = shown, games.context(second)
+            assert before.is_terminated() == (before is not shown)
+            assert shown.visual.frame(40, 30).shape == (30, 40, 3)
             assert plain(shown.game.result()) == plain(games.result(second))
         other = games.context(int(games.maps.argmax()))
         assert shown.is_terminated()
@@ -587,7 +589,7 @@ def test_a_loaded_game_is_recorded_once_it_has_begun_again(tmp_path, record):
         games.step()
         games.load(games.columns(), 1)
         games.step()
-        with pytest.raises(BadValue, match="Game 0 was loaded, so it cannot be played from its start"):
+        with pytest.raises(BadValue, match="Game 0 was loaded, and its turns before are unknown"):
             games.record(0, tmp_path / "loaded.ggr")
         assert not (tmp_path / "loaded.ggr").exists()
         games.reset([0])

@@ -10,7 +10,7 @@ from gamms import kernels
 from gamms.agent.carried_sensors import carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
 from gamms.core.agents import AgentView
-from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, phase_of, refuse_unknown_look, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, ReservedName, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat, speed_of
@@ -185,10 +185,11 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def state(self) -> State:
         """The last result of `get_state`; `{}` before the first call. While agents decide, each sees only its own."""
         phase = self._phase
-        phase.read_all_looks()
+        phase.read_last_turn()
         if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
             phase.refuse(f"read the state of agent {self.name!r}")
         phase.are_memories_known = True
+        refuse_unknown_look(self._last[0], f"agent {self.name!r}")
         return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
 
     @property

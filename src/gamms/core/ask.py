@@ -442,10 +442,6 @@ class GamesInContext:
         """Write what a function has read or changed into the columns of all games."""
         raise NotImplementedError
 
-    def leave(self, what: str) -> None:
-        """Move the game to a context of its own; the argument says why, in words."""
-        raise NotImplementedError
-
     def go_alone(self, what: str) -> None:
         """Let the game go on in a context of its own; the argument says why, in words."""
         raise NotImplementedError

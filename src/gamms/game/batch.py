@@ -4,6 +4,7 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from copy import deepcopy
 from functools import partial
 from itertools import count
 from threading import RLock
@@ -25,8 +26,8 @@ from gamms.arguments import (
     names_keywords,
 )
 from gamms.compat import Surface
-from gamms.errors import BadValue, GammsError, UnknownName
-from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
+from gamms.errors import BadValue, UnknownName
+from gamms.game.array_functions.given import ActionLog, OutsideActions, OutsideActor, as_given
 from gamms.game.array_functions.view import ArrayView, LearnerWriter
 from gamms.game.batch_engine import BatchEngine, movement_in_core
 from gamms.game.block.columns import (
@@ -34,7 +35,6 @@ from gamms.game.block.columns import (
     BYTES_PER_NAME,
     BYTES_PER_PLAYER,
     AgentTable,
-    BeginsAgain,
     PlayedGame,
     decider_of,
     drawn_maps,
@@ -69,7 +69,7 @@ class BatchSource(NamedTuple):
         starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
             not depend on the seed.
         build: makes a context with the game of a seed; None: the batch was not made from a scenario.
-        show: does the same with a window; None: games are shown without one.
+        show: opens a window for a context with one of these games; None: games are shown without one.
         functions: makes the strategies, plans and functions of sensors that depend on the seed; None: none do.
         differs: whether rules, facts, data or attributes of agents depend on the seed, too.
         more_edges: edges that are not on the map of the game, but may be for other seeds.
@@ -78,7 +78,7 @@ class BatchSource(NamedTuple):
     game: PlayedGame
     starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
     build: Callable[[int], Any] | None
-    show: Callable[[int], Any] | None
+    show: Callable[[Any], object] | None
     functions: MakeFunctions | None = None
     differs: bool = False
     more_edges: ClosedEdges = MappingProxyType({})
@@ -89,7 +89,7 @@ MakeSources = Callable[[Sequence[int], Mapping[str, Any]], list[BatchSource]]
 
 
 class _SingleGame(NamedTuple):
-    """A game of the batch that is played again in a separate context."""
+    """A game of the batch in a separate context."""
 
     number: int
     game: PlayedGame
@@ -150,29 +150,26 @@ class Batch(Surface, Immutable, NotPickled):
         self._own = [self._make_functions(source) for source in sources]
         self._deciders: dict[int, dict[Hashable, PoolSpec | str]] = {}  # by source; see `_name_deciders`
         self._engine = self._made_engine()
-        self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone, self._let_go)
-        self._keeps_given = as_bool(record, "record") or self._engine.may_leave
+        self._separate = SeparateGames(self._engine, self._roster, self._begun_alone, self._playing_alone, self._let_go)
+        self._actions = ActionLog(len(seeds), is_kept=as_bool(record, "record"))
+        self._is_loaded = np.zeros(len(seeds), np.bool_)
         self._spare: dict[int, PlayedGame] = {}  # by source, in a context of its own that no game needs now
-        self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
-        self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
         self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
         self._warns_of_no_end = False  # whether the current run may never end, which has not been said yet
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
-        self._window: _SingleGame | None = None  # the game in the window, with the number of its source
         self._alone: _SingleGame | None = None  # the game that is playing now
-        self._given_now: Mapping[Hashable, OutsideActions] = {}  # in the present turn, before it is logged
-        self._was_given = False  # whether actions were passed to `step` and not kept
         self._lock = RLock()  # of the thread that plays
         self._set_apart(np.arange(len(self)))
 
     def _set_apart(self, games: IntArray) -> None:
-        """Play games in contexts of their own from their start on if agents by metres obey turn restrictions."""
-        if self._engine.plays_apart:
-            why = "agents by metres obey turn restrictions, which the core does not know"
-            self._take_leaving(dict.fromkeys(games.tolist(), LeavingGame(why, None)), self.turn)
+        """Play games in contexts of their own from their start on that need what rows cannot carry."""
+        for number in range(len(self._sources)):
+            why = self._engine.games_on(number).why_apart
+            for game in games[self._source_of[games] == number].tolist() if why else ():
+                self._separate.add(game, why)
 
     def _made_engine(self) -> BatchEngine:
         """Return the engine that plays the games in the core, and set `slow`.
@@ -229,13 +226,10 @@ class Batch(Surface, Immutable, NotPickled):
             self._deciders.pop(number, None)
             if number in self._spare:
                 self._spare.pop(number).ctx.terminate()
-            if self._window is not None and self._window.number == number:
-                self._close_window()
         self._sources[those] = sources
         self._rosters[those] = rosters
         self._own[those] = own
         self._put_public(slow=first_called(games[0], self._roster))
-        self._keeps_given = True  # functions of these sources may be called
         self._is_said = False
 
     def _make_functions(self, source: BatchSource) -> FunctionsPerGame:
@@ -273,7 +267,6 @@ class Batch(Surface, Immutable, NotPickled):
         self._separate.close()
         for game in self._spare.values():
             game.ctx.terminate()
-        self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
 
@@ -326,28 +319,26 @@ class Batch(Surface, Immutable, NotPickled):
         given: Mapping[Hashable, OutsideActions],
         threads: int,
         *,
-        is_logged: bool = True,
         writer: LearnerWriter | None = None,
     ) -> None:
-        """Play one turn, and log the given actions, unless no game is ever played again.
-
-        `writer` is for turns that the core plays at once; see `BatchEngine.play`.
-        """
-        with self._playing():
-            is_played = False
-            while not is_played:  # Ctrl-C may do something else than to raise an error
-                if plays_at_once(self, given):
-                    is_played = self._try_play(1, threads, given, is_logged=is_logged, writer=writer)
-                else:
-                    is_played = self._try_step(given, threads, is_logged=is_logged)
-        self._follow()
+        """Play one turn; `writer` is for turns that the core plays at once, see `BatchEngine.play`."""
+        try:
+            with self._playing():
+                is_played = False
+                while not is_played:  # Ctrl-C may do something else than to raise an error
+                    if plays_at_once(self, given):
+                        is_played = self._try_play(1, threads, given, writer=writer)
+                    else:
+                        is_played = self._try_step(given, threads)
+        finally:
+            self._follow(given)  # a rule may have raised after all agents moved
 
     def _interrupt(self) -> None:
         """Stop the turns under way, if they take long; see `BatchEngine.interrupt`."""
         self._engine.interrupt()
 
-    def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> bool:
-        """Play one turn, and log it; return whether it was played, and not interrupted and taken back."""
+    def _try_step(self, given: Mapping[Hashable, OutsideActions], threads: int) -> bool:
+        """Play one turn; return whether it was played, and not interrupted and taken back."""
         before = self._engine.turns()
         is_played = False
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt):
@@ -359,62 +350,41 @@ class Batch(Surface, Immutable, NotPickled):
                 return False
             finally:
                 if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
-                    self._note(given if is_logged else {})
+                    self._note(before, given)
         return True
 
     def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int, turns: IntArray) -> None:
         """Play one turn of the games, which have played `turns`, (games,)."""
         engine = self._engine
         separate = self._separate
+        self._let_given_leave(given)
         going = separate.going if separate and self._ran_from is None else []
         separate.check(given if going else {})
 
         def play_others(leaving: dict[int, LeavingGame]) -> None:
-            self._take_leaving(leaving, turns)
+            for number, one in leaving.items():
+                separate.add(number, one.why, one.game, int(turns[number]))
             if self._ran_from is None:
                 separate.step([*going, *leaving], given)
 
         is_single = np.count_nonzero(~engine.is_over) == 1
-        self._given_now = given
-        try:
-            with nullcontext() if is_single else separate.undoing_after_error():
-                engine.step(given, threads, play_others=play_others)
-        except BeginsAgain:
-            self._begin_again()
-            self._play_turn(given, threads, self._engine.turns())
-        finally:
-            self._given_now = {}
+        with nullcontext() if is_single else separate.undoing_after_error():
+            engine.step(given, threads, play_others=play_others)
 
-    def _take_leaving(self, leaving: Mapping[int, LeavingGame], turns: IntArray) -> None:
-        """Play games in contexts of their own from now on.
+    def _let_given_leave(self, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Play games in contexts of their own from now on, before any plays, if functions need all decisions.
 
-        Games that have to begin again do so after `turns`, (games,), or after those before the current run.
+        These are games with actions from outside for agents whose states or sensors functions need.
         """
-        before = turns if self._ran_from is None else self._ran_from
-        for number, one in leaving.items():
-            self._separate.add(number, one.why, int(before[number]), one.game)
+        whys = [self._engine.games_on(number).why_all_decide for number in self._engine.maps_in_use] if given else []
+        if any(whys):
+            self._leave_now(self._engine.playing, f"agents have actions from outside, and {max(whys)}")
 
-    def _begin_again(self) -> None:
-        """Play all games again up to the last turn, because other functions are called from now on."""
-        self._engine.release()
-        engine = self._made_engine()
-        engine.stop_at = self._engine.stop_at
-        for number in range(len(self._sources)):
-            engine.state_of(number).width = self._engine.state_of(number).width
-        self._engine = engine
-        self._separate.move_to(engine)
-        for place, given in enumerate(self._log):
-            turns = engine.turns()
-            try:
-                engine.step(given, only=self._begun <= place)
-            except BeginsAgain:
-                self._begin_again()
-                return
-            except GammsError:
-                raise
-            except Exception:
-                if (engine.turns() == turns).all():  # otherwise a rule has raised when all had moved, as before
-                    raise
+    def _leave_now(self, which: BoolArray, why: str) -> None:
+        """Play those games of a mask, (games,), that are not over in contexts of their own from now on."""
+        for number in np.flatnonzero(which & self._engine.playing).tolist():
+            is_at_start = self._engine.turns()[number] == self._first_turn and not self._is_loaded[number]
+            self._separate.add(number, why, None if is_at_start else self._fork(number))
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
@@ -428,17 +398,15 @@ class Batch(Surface, Immutable, NotPickled):
         finally:
             self._lock.release()
 
-    def _note(self, given: Mapping[Hashable, OutsideActions]) -> None:
-        """Log the actions of a played turn."""
-        kept = given if self._keeps_given else {}
-        self._log.append({team: one._replace(moves=as_kept(one.moves)) for team, one in kept.items()})
-        self._was_given |= len(kept) < len(given)
+    def _note(self, turns: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Note the actions that games got in a turn, which had played `turns`, (games,)."""
+        self._actions.note(turns, given)
         self._steps += 1
 
     def _as_given(self, team: Hashable, value: object) -> OutsideActions:
         """Return the checked actions of a team; copies if they are kept."""
         members = self._roster.members(team)
-        given = as_given(value, team, (len(self), len(members)), is_copied=self._keeps_given)
+        given = as_given(value, team, (len(self), len(members)), is_copied=self._actions.is_kept)
         if given.flights is not None and not self._roster.flies[members].any():
             raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")
         return given
@@ -488,26 +456,28 @@ class Batch(Surface, Immutable, NotPickled):
             try:
                 self._run_in_core(num_threads, show)
             finally:
+                began = self._ran_from
                 self._ran_from = None
             with self._watching():
-                for _ in self._separate.run():
+                for _ in self._separate.run(began):
                     if show is not None:
                         self._show_progress(show)
-        self._follow()
+        self._follow({})
 
     def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
         """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
         plays_by_phases = self._engine.plays_by_phases
         before = global_state() if self._engine.calls_each else None
-        draw_globally = before is not None and name_global_draws(self._engine.functions)
+        if before is not None and name_global_draws(self._engine.functions):
+            why = "a plain function draws from the global generators of random numbers"
+            self._leave_now(self._engine.playing, why)
         steps = 0
-        while not draw_globally and (left := self._engine.turns_left()) > 0:
+        while (left := self._engine.turns_left()) > 0:
             if plays_by_phases:
                 self.step()
                 steps += 1
-                is_checked = before is not None and not steps & (steps - 1)  # after 1, 2, 4, 8, … steps
-                if is_checked and global_state() != before:
-                    break  # all games begin again
+                if not steps & (steps - 1):  # after 1, 2, 4, 8, … steps
+                    _refuse_global_draws(before)
             else:
                 self._try_play(min(left, MANY_TURNS), threads)
             if self._warns_of_no_end and self._turns_of_run() >= MANY_TURNS:
@@ -515,11 +485,7 @@ class Batch(Surface, Immutable, NotPickled):
                 warn_of_no_end(self.game.ctx.logger)
             if show is not None:
                 self._show_progress(show)
-        if draw_globally or (before is not None and global_state() != before):
-            self._separate.begin_again()
-            others = [number for number in range(len(self)) if number not in self._separate]
-            why = "a plain function draws from the global generators of random numbers"
-            self._take_leaving(dict.fromkeys(others, LeavingGame(why, None)), self.turn)
+        _refuse_global_draws(before)
 
     def _try_play(
         self,
@@ -527,20 +493,19 @@ class Batch(Surface, Immutable, NotPickled):
         threads: int,
         given: Mapping[Hashable, OutsideActions] | None = None,
         *,
-        is_logged: bool = False,
         writer: LearnerWriter | None = None,
     ) -> bool:
-        """Play some turns in the core, at most `most`, and log them; return whether any was played.
+        """Play some turns in the core, at most `most`; return whether any was played.
 
         None is played if Ctrl-C was pressed in a long turn. See `BatchEngine.play` for `given` and `writer`.
         """
         with uninterrupted(at_most_once=True, on_interrupt=self._interrupt), suppress(TurnInterrupted):
+            before = self._engine.turns()
             played = self._engine.play(most, threads, given, writer)
             if given is None:
-                self._log += [{}] * played
                 self._steps += played
             else:
-                self._note(given if is_logged else {})
+                self._note(before, given)
             if writer is not None and len(writer.begun):
                 starts = self._engine.starts
                 rows = starts.now[writer.begun]
@@ -623,13 +588,8 @@ class Batch(Surface, Immutable, NotPickled):
         """Note that games have begun: forget the actions that were given to them before."""
         self._separate.forget(games.tolist())
         self._set_apart(games)
-        if len(games) == len(self):
-            self._log = []
-            self._was_given = False
-        self._begun[games] = len(self._log)
-        first = max(0, int(self._begun.min()))  # drop the turns that no game needs any more
-        del self._log[:first]
-        self._begun[self._begun >= 0] -= first
+        self._actions.forget(games)
+        self._is_loaded[games] = False
 
     def columns(self) -> Columns:
         """Return the state of all games as arrays, key -> (games, …), for `load`.
@@ -643,7 +603,7 @@ class Batch(Surface, Immutable, NotPickled):
         return self._arrays("columns").columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
-        """Set the state of all games from `columns`; games keep their seeds, and their logs are cleared.
+        """Set the state of all games from `columns`; games keep their seeds.
 
         Args:
             columns: the arrays of `columns()` of a batch of the same scenario, with one row for each game.
@@ -675,7 +635,7 @@ class Batch(Surface, Immutable, NotPickled):
         """Set the state of games from checked columns; see `GameArrays.load`."""
         self._arrays("load").load(columns, turn, scores, games)
         self._hide()
-        self._begun[:] = -1
+        self._is_loaded[:] = True
 
     def _arrays(self, what: str) -> GameArrays:
         if self._engine.plays_apart:
@@ -829,7 +789,7 @@ class Batch(Surface, Immutable, NotPickled):
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
         """Write a recording of the turns of a game played so far, as `scenario.play(seed=…, record=path)` does.
 
-        The game is played again, with the actions that were passed to `step`. An existing file is overwritten.
+        The scenario is played for it, with the actions that were passed to `step`. An existing file is overwritten.
 
         Raises:
             BadValue: actions were passed to `step` without `record=True`, the game was loaded and not reset since, or
@@ -840,41 +800,35 @@ class Batch(Surface, Immutable, NotPickled):
         build = self._sources[self._source_of[number]].build
         if build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
-        self._refuse_unknown_past(number)
+        if self._is_loaded[number]:
+            raise BadValue(f"Game {number} was loaded, and its turns before are unknown: begin it with reset first.")
+        given = self._actions.of(number)
         with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
-            self._play_to_now(ctx.game, number)
+            self._play_to_now(ctx.game, number, given)
 
-    def _refuse_unknown_past(self, game: int) -> None:
-        """Refuse to play a game again if its past actions are unknown."""
-        if self._was_given:
-            raise BadValue(
-                "The actions that were given to step were not kept: make the batch with scenario.batch(…, "
-                "record=True), or ask for context(…) before actions are given."
-            )
-        self._entry_of(game)
+    def _play_to_now(
+        self, game: PlayedGame, number: int, given: Mapping[int, Mapping[Hashable, OutsideActions]]
+    ) -> None:
+        """Play a game in a separate context up to its turn in the batch, and the rules that end it before its moves.
 
-    def _play_alone(self, game: PlayedGame, number: int, turns: int, *, ends_before_moves: bool = False) -> None:
-        """Play a game in a separate context up to a turn, and the rules that end it before the moves of the next."""
-        first = self._entry_of(number)
-        end = first + self._separate.ran_from.get(number, turns) - self._first_turn
-        given = self._log[first:end]
+        Args:
+            game: the game.
+            number: its number.
+            given: the number of turns played before -> the actions from outside, team by team.
+        """
+        turns = int(self._engine.turns()[number])
+        is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
         acting = OutsideActor(game, self._roster)
         try:
             with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
-                for turn in range(game.turn - self._first_turn, turns - self._first_turn):
-                    acting.take(given[turn] if turn < len(given) else self._given_now, number)
+                for turn in range(game.turn, turns):
+                    acting.take(given.get(turn, {}), number)
                     _step_again(game)
-                if ends_before_moves and game.over is None:
+                if is_ended and game.over is None:
                     game.step()
         finally:
             acting.end()
-
-    def _play_to_now(self, game: PlayedGame, number: int) -> None:
-        """Play a game in a separate context up to its current turn in the batch."""
-        turns = int(self._engine.turns()[number])
-        is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
-        self._play_alone(game, number, turns, ends_before_moves=is_ended)
 
     @contextmanager
     def _playing_alone(self, number: int, game: PlayedGame) -> Iterator[None]:
@@ -886,47 +840,36 @@ class Batch(Surface, Immutable, NotPickled):
         finally:
             self._alone = before
 
-    def _begun_at(self, number: int, turns: int) -> PlayedGame:
-        """Return a game after a number of turns, in a context of its own."""
-        game = self._begun_alone(number)
-        self._play_alone(game, number, turns)
-        return game
-
-    def _entry_of(self, game: int) -> int:
-        """Return the index of the log entry of a game's first turn."""
-        first = int(self._begun[game])
-        if first < 0:
-            raise BadValue(f"Game {game} was loaded, so it cannot be played from its start: begin it with reset first.")
-        return first
-
     @names_keywords
     def context(self, game: int) -> Any:
         """Return a context that shows a game; it is updated after each turn.
 
-        The game is played again in a context of its own, which takes as long as playing it alone, now and in each later
-        turn. This context is terminated when another game needs one, and when the game is reset; with `vis_engine=`,
-        its window then shows the next game. A game that has left the batch is shown in the context where it is played.
+        It begins as a copy of the game as it is now, and plays each later turn as the batch does, which takes as long
+        as a turn of the game alone. It is terminated when another game is shown, and when the game is reset; with
+        `vis_engine=`, it has a window. A game that has left the batch is shown in the context where it is played.
 
         Raises:
-            BadValue: actions were passed to `step` without `record=True`, or the game was loaded and not reset since.
+            BadValue: another thread plays the batch.
         """
         number = self._as_game(game)
         with self._playing():
-            if self._separate.has_context(number) and self._sources[self._source_of[number]].show is None:
-                return self._separate.game(number).ctx
-            return self._context_of(number)
-
-    def _context_of(self, number: int) -> Any:
-        """Return a separate context that shows a game."""
-        if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
-            self._refuse_unknown_past(number)
-            self._hide()
-            self._keeps_given = True
             show = self._sources[self._source_of[number]].show
-            game = self._begun_alone(number) if show is None else self._shown_in_window(show, number)
-            self._shown = _SingleGame(number, game)
-        self._follow()
-        return self._shown.game.ctx
+            if number in self._separate and show is None:
+                return self._separate.game(number).ctx
+            if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
+                self._hide()
+                self._shown = _SingleGame(number, self._fork(number))
+                if show is not None:
+                    show(self._shown.game.ctx)
+            return self._shown.game.ctx
+
+    def _fork(self, number: int) -> PlayedGame:
+        """Return a game as it is now, in a context of its own."""
+        if number not in self._separate:
+            return self._engine.games_on(int(self._source_of[number])).fork(number)
+        game: PlayedGame = deepcopy(self._separate.game(number).ctx).game
+        game.internals.left_as = number
+        return game
 
     def _begun_alone(self, number: int) -> PlayedGame:
         """Return a game at its start, in a separate context."""
@@ -948,41 +891,23 @@ class Batch(Surface, Immutable, NotPickled):
         game.reset(seed=seed)
         return game
 
-    def _let_go(self, number: int, game: PlayedGame, *, is_reset: bool) -> None:
-        """Keep the context of a game that has ended, if it can be reset, for the next game of its source."""
-        if not is_reset:
-            game.ctx.terminate()
-            return
+    def _let_go(self, number: int, game: PlayedGame) -> None:
+        """Keep the context of a game that has ended for the next game of its source."""
         source = int(self._source_of[number])
         known = self._spare.pop(source, game)
         if known is not game:
             known.ctx.terminate()
         self._spare[source] = game
 
-    def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
-        """Return a game at its start, in the context with the window; `show` opens one for its source."""
-        seed = self.seeds[number]
-        source = int(self._source_of[number])
-        if self._window is not None and self._window.number == source and not self._window.game.ctx.is_terminated():
-            self._window.game.reset(seed=seed)
-            return self._window.game
-        self._close_window()
-        self._window = _SingleGame(source, show(seed).game)
-        return self._window.game
-
-    def _close_window(self) -> None:
-        if self._window is not None:
-            self._window.game.ctx.terminate()
-            self._window = None
-
-    def _follow(self) -> None:
-        """Advance the separate context to the current turn of its game."""
-        if self._shown is not None and not self._shown.game.ctx.is_terminated():
-            self._play_to_now(self._shown.game, self._shown.number)
+    def _follow(self, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Advance the separate context to the current turn of its game, with the actions of this turn."""
+        shown = self._shown
+        if shown is not None and not shown.game.ctx.is_terminated():
+            self._play_to_now(shown.game, shown.number, {shown.game.turn: given})
 
     def _hide(self) -> None:
-        """Terminate the separate context that shows a game; a window stays open for the next game."""
-        if self._shown is not None and (self._window is None or self._shown.game is not self._window.game):
+        """Terminate the separate context that shows a game."""
+        if self._shown is not None:
             self._shown.game.ctx.terminate()
         self._shown = None
 
@@ -1086,6 +1011,21 @@ def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> 
         )
 
 
+def _refuse_global_draws(before: object) -> None:
+    """Refuse that functions have drawn from the global generators of random numbers since a state; None: unknown.
+
+    Raises:
+        BadValue: they have.
+    """
+    if before is not None and global_state() != before:
+        raise BadValue(
+            "A plain function has drawn from the global generators of random or numpy.random in games that are played "
+            "together, so the numbers of each game depend on the others. Its code does not name them: use ctx.rng, or "
+            "draw by random.random() or np.random.rand() in the function itself; then run plays one game after the "
+            "other from the start."
+        )
+
+
 def _step_again(game: PlayedGame) -> None:
     """Play a turn of a game; ignore an error after all agents moved, because the batch has already raised it."""
     turn = game.turn
@@ -1167,7 +1107,6 @@ def step_with(
     given: Mapping[Hashable, OutsideActions],
     threads: int,
     *,
-    is_logged: bool,
     writer: LearnerWriter | None = None,
 ) -> None:
     """Play one turn of all games that are not over, with checked actions.
@@ -1176,11 +1115,10 @@ def step_with(
         games: the batch.
         given: team -> the actions of its agents; the batch keeps their arrays.
         threads: the number of threads that play.
-        is_logged: whether the batch logs the actions, to play games again.
         writer: writes what learners get and see, if the core plays the turn at once; see `plays_at_once`.
     """
     games._refuse_closed()
-    games._step(given, threads, is_logged=is_logged, writer=writer)
+    games._step(given, threads, writer=writer)
 
 
 def plays_at_once(games: Batch, given: Mapping[Hashable, OutsideActions]) -> bool:

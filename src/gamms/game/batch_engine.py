@@ -24,13 +24,11 @@ from gamms.game.array_functions.view import (
     ArrayStrategy,
     ArrayView,
     LearnerWriter,
-    NeedsEachGame,
     asked_view,
     lead_along,
 )
 from gamms.game.block.columns import (
     AgentTable,
-    BeginsAgain,
     ComingAgent,
     PlayedGame,
     decider_of,
@@ -42,21 +40,23 @@ from gamms.game.block.columns import (
 from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function, memory_of, put_scores
 from gamms.game.block.initial_state import BeginningGames, InitialState, NextStarts, movement_of
 from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
-from gamms.game.block.state import GameArrays, LeavesSharedContext, LeavingGame
+from gamms.game.block.state import GameArrays, LeavingGame
 from gamms.game.conflicts import flat, refuse_unranked, unranked
 from gamms.game.cursor.called_functions import (
     CalledFunctions,
     acts_before_moves,
     asked_of,
+    find_why_all_decide,
+    find_why_apart,
     first_called,
     has_function_of_conflicts,
     is_plain_rule,
-    may_look_back,
 )
 from gamms.game.cursor.cursor import Cursor
 from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
 from gamms.game.cursor.pointed import PointedContext
 from gamms.game.deeds import DeclaredDeeds, checked_value
+from gamms.game.hidden_state import find_names
 from gamms.game.lasting import DoingReader
 from gamms.game.messages import ANTENNA, MessagePositions, MessageTraffic
 from gamms.game.movement.legal_moves import Movement
@@ -109,6 +109,8 @@ class GamesOnOneMap:
 
     Attributes:
         game, state: see above.
+        why_apart: why its games are played one after the other from the start; "": they are not.
+        why_all_decide: why all agents decide in the context; "": they do not.
         before, deeds: the rules of the phases "before" and "deeds".
         acts: whether functions are called between decisions and moves.
         has_conflicts: whether functions decide conflicts.
@@ -141,8 +143,10 @@ class GamesOnOneMap:
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self._unranked = unranked(settings["conflicts"], roster.names, roster.teams_by_agent()) & ~roster.flies
-        look_back = may_look_back(game, roster)
-        self._call_arrays_by_game(settings, look_back=look_back)
+        self.why_apart = find_why_apart(game, roster)
+        self.why_all_decide = find_why_all_decide(game, roster)
+        asks_all = bool(self.why_all_decide)
+        self._call_arrays_by_game(settings, asks_all=asks_all)
         rules = called_rules(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
@@ -150,7 +154,7 @@ class GamesOnOneMap:
         self.has_conflicts = has_function_of_conflicts(game, roster)
         self.acts = acts_before_moves(game, roster)
         self._groups = _groups(roster, settings)
-        asked = asked_of(game, roster, all_first=look_back)
+        asked = asked_of(game, roster, all_first=asks_all)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _observing(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
@@ -167,8 +171,7 @@ class GamesOnOneMap:
         self._prepare(rules)
         is_apart = calls_each or not (state.radio is None and state.flights is None)
         self.core = CoreGames(game, state, block, number, is_apart=is_apart, asked=asked)
-        options = {"has_array_functions": has_arrays, "look_back": look_back}
-        self.cursor = self._make_cursor(asked, observing, **options) if calls_each else None
+        self.cursor = self._make_cursor(asked, observing, has_arrays) if calls_each else None
         self._pointed.forget(games)
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
@@ -190,19 +193,36 @@ class GamesOnOneMap:
         self._initial.put_values(state, games)
         self._put_own(games)
 
-    def _call_arrays_by_game(self, settings: Mapping[str, Any], *, look_back: bool) -> None:
-        """Let array strategies be called game by game where states are kept, or looks are counted, in each game."""
-        at_arrivals = decides_at_arrivals(self.state.movement)
+    def _call_arrays_by_game(self, settings: Mapping[str, Any], *, asks_all: bool) -> None:
+        """Let array strategies be called game by game where all agents are, or what they call needs it.
+
+        That are looks that are counted in each game, and `view.towards` of agents with speeds or that obey turns.
+        """
+        movement = self.state.movement
+        at_arrivals = decides_at_arrivals(movement)
+        verbs = {"towards"} if movement.acts_by_paths else set[str]()
         for agent in self.state.roster.agents:
-            is_by_game = look_back or (at_arrivals and errs(agent))
             decider = decider_of(agent, settings["plans"])
-            if is_by_game and decides_in_arrays(decider, settings):
+            form = strategy_spec_of(decider).array_form
+            if form is None or not decides_in_arrays(decider, settings):
+                continue
+            is_named = any(not verbs.isdisjoint(names) for names in find_names([form]))
+            if asks_all or is_named or (at_arrivals and errs(agent)):
                 call_each(decider)
 
-    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], **options: bool) -> Cursor:
+    def _make_cursor(self, asked: Sequence[int], observing: Sequence[int], has_arrays: bool) -> Cursor:
         """Return the object that calls plain functions; see `CalledFunctions.of`."""
-        called = CalledFunctions.of(self.game, self.state.roster, asked, observing, **options)
+        roster = self.state.roster
+        asks_all = len(self.why_all_decide) > 0
+        called = CalledFunctions.of(
+            self.game, roster, asked, observing, has_array_functions=has_arrays, asks_all=asks_all
+        )
         return Cursor(self.game, self._pointed, self.state, self.core, called)
+
+    def fork(self, number: int) -> PlayedGame:
+        """Return a game as it is between two turns, in a context of its own."""
+        cursor = self.cursor or self._make_cursor((), (), has_arrays=len(self._groups) > 0)
+        return cursor.fork(number)
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:
         """Let rules write what agents know of them at the start."""
@@ -403,15 +423,11 @@ class GamesOnOneMap:
         """Return the actions of an array function, and take its deeds and messages.
 
         Raises:
-            BeginsAgain: the function asks agents game by game.
+            BadValue: the function calls what needs to be called game by game, and its code does not name it.
         """
         try:
             actions = self._actions(view, group)
             self._take_acts(view)
-        except NeedsEachGame as error:
-            for number in group.agents.tolist():
-                call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
-            raise BeginsAgain(f"{error} is asked game by game.") from None
         except Exception as error:
             error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
             raise
@@ -661,8 +677,6 @@ class GamesOnOneMap:
         turn._lock()
         try:
             form(turn)
-        except LeavesSharedContext as error:
-            self.state.leave(games, str(error))
         except Exception as error:
             error.add_note(
                 f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
@@ -900,14 +914,10 @@ class BatchEngine(TurnDriver):
         return [function for one in self._in_use for function in one.functions]
 
     @property
-    def may_leave(self) -> bool:
-        """Whether functions are called, which may move games to contexts of their own, or all games are there."""
-        return self.calls_each or len(self.functions) > 0 or self.plays_apart
-
-    @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        return self._radio is not None or self._state.flights is not None or self.may_leave
+        has_functions = self.calls_each or len(self.functions) > 0 or self.plays_apart
+        return self._radio is not None or self._state.flights is not None or has_functions
 
     @property
     def calls_each(self) -> bool:
@@ -1042,7 +1052,6 @@ class BatchEngine(TurnDriver):
         self,
         given: Mapping[Hashable, OutsideActions],
         threads: int = 1,
-        only: BoolArray | None = None,
         play_others: Callable[[dict[int, LeavingGame]], None] | None = None,
     ) -> None:
         """Play one turn of all games that are not over.
@@ -1050,17 +1059,11 @@ class BatchEngine(TurnDriver):
         Args:
             given: team -> the actions of its agents, which replace their decisions.
             threads: the number of threads.
-            only: (games,) a mask of the games to play; None: all.
             play_others: plays the turn of the games in contexts of their own; its argument has the games that have left
                 in this turn.
-
-        Raises:
-            BeginsAgain: array functions are called game by game from now on; the games have to begin again.
         """
         is_over = self.is_over
         playing = ~(is_over | self._state.is_apart)
-        if only is not None:
-            playing &= only
         leaving = self._state.leaving
         is_single = len(is_over) - np.count_nonzero(is_over) == 1
         try:
@@ -1073,8 +1076,7 @@ class BatchEngine(TurnDriver):
                     play_others(taken)
         finally:
             for one in leaving.values():  # another game has raised an error
-                if one.game is not None:
-                    one.game.ctx.terminate()
+                one.game.ctx.terminate()
             leaving.clear()
 
     def interrupt(self) -> None:
@@ -1100,8 +1102,6 @@ class BatchEngine(TurnDriver):
         began = perf_counter()
         try:
             yield
-        except BeginsAgain:
-            raise
         except TurnInterrupted:
             for undo in undoing_interrupted:
                 undo()
@@ -1519,20 +1519,13 @@ class BatchEngine(TurnDriver):
             if len(some):
                 yield one.state, some
 
-    def set_apart(self, game: int, turns: int) -> None:
-        """Stop playing a game that continues after a number of turns in a context of its own."""
-        self._state.is_apart[game] = True
-        self._state.is_going[game] = True
-        self._state.over[game] = None
-        self._state.turn[game] = turns
-
-    def take_back(self, game: int) -> None:
-        """Play a game again that was played in a context of its own."""
-        self._state.is_apart[game] = False
-
     def view(self, agents: IntArray, number: int) -> ArrayView:
         """Return the observations of agents in the games on the map with this number."""
         return ArrayView(self._maps[number].state, self._on[number], agents)
+
+    def games_on(self, number: int) -> GamesOnOneMap:
+        """Return the games on the map with this number."""
+        return self._maps[number]
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return the reason, winner and truncation of a game's end; None: it goes on."""

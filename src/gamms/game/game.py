@@ -501,7 +501,7 @@ class Game(Surface, RuleVerbs):
         self._refuse_in_turn("reset")
         if self._internals.left_as is not None:
             raise BadValue(
-                f"This game has left its batch in the middle of a turn, and this context has not its start: "
+                f"This context was made from a game of a batch that was under way, and has not its start: "
                 f"games.reset([{self._internals.left_as}]) begins it again."
             )
         state = self._state

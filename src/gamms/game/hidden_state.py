@@ -17,9 +17,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.deciding import CHANGING_VERBS
 from gamms.errors import BadValue
 from gamms.text import shown
 
+_DRAWING = {"random": random, "numpy.random": np.random}  # modules with a generator that all games share
 _INSTALLED = {"site-packages", "dist-packages"}
 _WITHOUT_REFERENCES = 2  # the last version of marshal in which equal values have equal bytes
 _OF_ITERATORS = {"builtins", "itertools"}  # modules: of iter(path), zip(…), cycle(…)
@@ -97,10 +99,33 @@ def find_names(functions: Iterable[Callable[..., object]]) -> Iterator[frozenset
         yield _names_in(one.__code__)
 
 
+def may_change_games(functions: Iterable[Callable[..., object]]) -> bool:
+    """Return whether the code of functions, or of those that they call, may change a game.
+
+    It sets an attribute of an object other than `self`, or has the name of a verb that changes a game.
+    """
+    return any(
+        not CHANGING_VERBS.isdisjoint(_names_in(one.__code__)) or _sets_attributes(one.__code__)
+        for one in _find_all(functions)
+    )
+
+
+@lru_cache(maxsize=1 << 12)
+def _sets_attributes(code: CodeType) -> bool:
+    """Return whether a function, or an inner one, sets or deletes an attribute of an object other than `self`."""
+    loaded = None
+    for one in get_instructions(code):
+        if one.opname in ("STORE_ATTR", "DELETE_ATTR") and loaded != "self":
+            return True
+        loaded = one.argval if one.opname in ("LOAD_FAST", "LOAD_DEREF") else None
+    return any(_sets_attributes(within) for within in code.co_consts if isinstance(within, CodeType))
+
+
 def name_global_draws(functions: Iterable[Callable[..., object]]) -> bool:
     """Return whether the code of functions, or of those that they call, draws by `random` or `numpy.random` themselves.
 
-    These are the global generators, which all games share.
+    These are the global generators, which all games share. A function that imports one of these modules, or passes it
+    on, may draw from its generator, too.
     """
     generators = [random.random.__self__, np.random.rand.__self__]  # type: ignore[attr-defined]
     loaded = chain.from_iterable(_load_values(one, one.__code__) for one in _find_all(functions))
@@ -118,6 +143,8 @@ def _load_values(function: FunctionType, code: CodeType) -> Iterator[object]:
             value = next(iter(get_referents(cells[one.argval])), None)  # an empty cell has none
         elif one.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(value, ModuleType):
             value = vars(value).get(one.argval)
+        elif (one.opname == "IMPORT_NAME" and one.argval in _DRAWING) or any(value is it for it in _DRAWING.values()):
+            value = random.random
         else:
             value = None
         yield value
@@ -143,9 +170,26 @@ def _reach(function: object, reached: dict[int, Any]) -> None:
     if isinstance(function, FunctionType):
         for module in [one for one in values if isinstance(one, ModuleType)]:
             values += [vars(module).get(name) for name in _names_in(function.__code__)]
+    else:
+        values += _methods_of(type(getattr(function, "__self__", function)))
     for value in values:
-        if callable(value) and not isinstance(value, type):
-            _reach(value, reached)
+        for one in _parts_of(value):
+            if callable(one) and not isinstance(one, type):
+                _reach(one, reached)
+
+
+def _parts_of(value: object) -> Iterable[object]:
+    """Return a value, or the items of a container, or the methods of a class of the program."""
+    if isinstance(value, type):
+        return _methods_of(value)
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, list | tuple) else [value]
+
+
+def _methods_of(kind: type) -> list[object]:
+    """Return the methods of a class of the program and of its bases that are."""
+    return [one for base in kind.__mro__ if _is_of_program(base) for one in vars(base).values()]
 
 
 @lru_cache(maxsize=1 << 12)

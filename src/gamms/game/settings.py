@@ -597,6 +597,7 @@ class RuleTable:
 
 
 _NO_RULES = RuleTable(())
+_NO_DRAWINGS: Mapping[str, tuple[Any, int]] = {}
 
 
 def _attributes_of(rule: object) -> list[Any]:
@@ -751,16 +752,25 @@ class RuleSet:
         """Replace all rules, and update their artists."""
         before = self.now.drawings
         self._set(rules)
-        if before == rules.drawings:
-            return
+        if before != rules.drawings:
+            visual = self._ctx.visual
+            artists: Any = getattr(visual, "artists", None)  # a caller's engine may have none
+            withdraw = visual.remove_artist if artists is None else artists.withdraw
+            for artist in sorted(before.keys() - rules.drawings.keys()):
+                withdraw(artist)
+            self.propose_artists(before)
+
+    def propose_artists(self, known: Mapping[str, tuple[Any, int]] = _NO_DRAWINGS) -> None:
+        """Add the artists of the rules to the visual engine.
+
+        Args:
+            known: name of an artist -> its drawing function and its layer, for those that it has already.
+        """
         visual = self._ctx.visual
         artists: Any = getattr(visual, "artists", None)  # a caller's engine may have none
-        withdraw = visual.remove_artist if artists is None else artists.withdraw
         propose = visual.add_artist if artists is None else artists.propose
-        for artist in sorted(before.keys() - rules.drawings.keys()):
-            withdraw(artist)
-        for artist, drawing in rules.drawings.items():
-            if before.get(artist) != drawing and not (artists is None and isinstance(drawing[0], str)):
+        for artist, drawing in self.now.drawings.items():
+            if known.get(artist) != drawing and not (artists is None and isinstance(drawing[0], str)):
                 propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
     def apply(self, phase: str, state: GameState, begun: BegunPhase | None = None) -> bool:

@@ -4,11 +4,11 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, S
 from copy import copy, deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from gamms.arguments import DescribedFunction, annotations_of
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
-from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
+from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, facts_for
@@ -219,14 +219,12 @@ class ForkSource:
     def __init__(self, parts: SnapshotTaker, *, only_plain: bool, names: Collection[str] | None = None) -> None:
         self._state = parts.state
         self._game = parts.ctx.game
-        if parts.turns.phase.read_looks is not None:
-            parts.turns.phase.read_looks()
         self.snapshot = (
             parts.take(GameState.plain_copies, _plain_values) if only_plain else parts.take(GameState.values, dict)
         )
         self.agents = self.snapshot.agents
         each = zip(self.agents.roster.agents, self.agents.states, strict=True)
-        self.agents.states = [dict(state) if names is None or one.name in names else {} for one, state in each]
+        self.agents.states = [_copy_state(state) if names is None or one.name in names else {} for one, state in each]
         self._team_memories = [state.get("team_memory") for state in self.agents.states]
         self._settings: dict[str, Any] = self.snapshot.part("settings")
         self.held: dict[int, Any] = {}
@@ -333,7 +331,7 @@ class ForkSource:
         """Insert what agents of the fork know into their last states, and their streams when one is read."""
         states = []
         for agent, team_memory in zip(target.ctx.agent.storage.made(), self._team_memories, strict=True):
-            state = cast("dict[str, Any]", agent.state)
+            state = target.ctx.agent.storage.turn_access(agent).last[0]
             if "memory" in state:
                 renew_state(target, agent, state, team_memory)
                 states.append((agent, state))
@@ -355,6 +353,11 @@ class ForkSource:
             if type(function) not in (_FUNCTIONS | _SCALARS):
                 raise NotPlain  # an object, which is copied
             _note_held(function, self.held)
+
+
+def _copy_state(state: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of the last state of an agent, unless it is unknown."""
+    return state if state is UNKNOWN_LOOK else dict(state)
 
 
 class ForkMemo(dict[int, Any]):
@@ -571,7 +574,7 @@ class GameInternals(ContextPart):
         named_idle: the teams that `warn_of_idle_teams` has named.
         checks_start: whether the next turn begins with `refuse_misfits`: rules and strategies may be added after a
             recording was resumed.
-        left_as: the number of the game in the batch that it has left in the middle of a turn; None: it knows its start.
+        left_as: the number of the game in the batch from which it was made under way; None: it knows its start.
         run_began: the turn in which the run of a batch began with which the next `run` goes on; None: it begins a run.
         unchecked_arrays: keys of the arrays of array functions that came from a recording; see `GameArrays.unchecked`.
     """

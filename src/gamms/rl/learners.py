@@ -414,7 +414,7 @@ class Learners:
         else:
             writer.waits = begins == "waiting"
             writer.begins = begins is not None and before is None and self._can_begin()
-        step_with(self.games, given, self._threads, is_logged=True, writer=writer)
+        step_with(self.games, given, self._threads, writer=writer)
         self._prefix.add(~turn.was_over, heads, flights)
         self._known_views = None
         self.begun = np.zeros(0, np.int64) if writer is None else writer.begun

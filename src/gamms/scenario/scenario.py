@@ -11,7 +11,7 @@ from typing import Any
 
 from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
 from gamms.compat import Surface, part_with
-from gamms.context import Context, create_context
+from gamms.context import Context, create_context, show_in_window, title_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
 from gamms.game.block.columns import as_seeds
@@ -311,7 +311,7 @@ class Scenario(Surface, Immutable):
         ctx = create_context(
             graph_engine,
             Engine.NO_VIS if vis_engine is None else vis_engine,
-            vis_kwargs={"title": self.spec.name} if vis_engine is Engine.PYGAME and self.spec.name else None,
+            vis_kwargs=title_of(vis_engine, self.spec.name),
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={
@@ -444,7 +444,7 @@ class Scenario(Surface, Immutable):
             differs = builder.has_other_values(varying)
             place = on_map(self._map_number)(builder.place) if are_drawn else None
             build = partial(self.build, strategies=strategies)
-            show = None if vis_engine is None else partial(build, vis_engine=vis_engine)
+            show = None if vis_engine is None else partial(show_in_window, vis_engine=vis_engine, title=self.spec.name)
             return BatchSource(ctx.game, place, build, show, functions, differs, builder.edges_before_code())
         except BaseException:
             ctx.terminate()

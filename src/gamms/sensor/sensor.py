@@ -7,7 +7,7 @@ from math import hypot, inf
 from typing import Any, ClassVar, Self, TypeVar
 
 from gamms.arguments import as_float, as_name, as_range
-from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
+from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, phase_of, refuse_unknown_look, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensor_results import SensorView
@@ -121,9 +121,10 @@ class Sensor(ContextPart, ISensor):
     def data(self) -> Any:
         """The data of the last look; settable. While agents decide, it is read-only, and only its owner may read it."""
         phase = self._phase
-        phase.read_all_looks()
+        phase.read_last_turn()
         if phase.agent is not None and self._owner not in (None, *phase.names()):
             phase.refuse(f"read the data of sensor {self.sensor_id!r} of agent {self._owner!r}")
+        refuse_unknown_look(self._last[0], f"sensor {self.sensor_id!r}")
         return phase.shown(self._last[0])
 
     @data.setter
@@ -132,7 +133,7 @@ class Sensor(ContextPart, ISensor):
 
     def _view_data(self) -> Any:
         """Return the data to draw: `data`, or the data of the underlying kind; see `catalog.derived`."""
-        return self.data
+        return {} if self._last[0] is UNKNOWN_LOOK else self.data
 
     def _place_of_look(self) -> Any:
         """Return the place of the last look: the id of a node, (x, y) or (x, y, z); None before a look."""

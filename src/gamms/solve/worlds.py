@@ -492,7 +492,7 @@ class BatchSimulator:
             team: OutsideActions(chosen[:, agents], {}, {}, are_legal=True)
             for team, agents in zip(self._teams, self._acting, strict=True)
         }
-        step_with(batch, given, 1, is_logged=False)
+        step_with(batch, given, 1)
         scores = batch.scores
         is_last = self.terms.last_turn is not None and turn + shift.turns + 1 >= self.terms.last_turn
         gains = np.zeros((len(rows), len(batch.teams)))

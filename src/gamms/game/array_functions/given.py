@@ -106,7 +106,7 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
         value: integers, or a dict of moves, deeds and messages.
         team: the team.
         shape: games and agents.
-        is_copied: whether to copy its arrays, because they are logged.
+        is_copied: whether to copy its arrays, because they are kept.
 
     Raises:
         UnknownName (KeyError), BadType, BadValue: the value is not a set of actions.
@@ -142,6 +142,51 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
     return OutsideActions(moves, deeds, messages, flights, edges=edges)
+
+
+class ActionLog:
+    """The actions from outside that the games of a batch have got since they began, with which games are recorded.
+
+    Args:
+        games: the number of games.
+        is_kept: whether actions are kept.
+    """
+
+    def __init__(self, games: int, *, is_kept: bool) -> None:
+        self.is_kept = is_kept
+        self._entries: list[tuple[IntArray, dict[Hashable, OutsideActions]]] = []
+        self._begun = np.zeros(games, np.int64)  # the number of entries when each game began
+        self._has_lost = np.zeros(games, np.bool_)  # whether a game got actions that were not kept
+
+    def note(self, turns: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Note the actions, team by team, that games got which had played `turns`, (games,)."""
+        if not given:
+            return
+        if not self.is_kept:
+            self._has_lost[:] = True
+            return
+        kept = {team: one._replace(moves=as_kept(one.moves)) for team, one in given.items()}
+        self._entries.append((turns, kept))
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the actions of games that begin."""
+        self._begun[games] = len(self._entries)
+        self._has_lost[games] = False
+        first = int(self._begun.min())  # no game needs the entries before
+        del self._entries[:first]
+        self._begun -= first
+
+    def of(self, game: int) -> dict[int, dict[Hashable, OutsideActions]]:
+        """Return the actions of a game: the number of turns played before -> team -> actions.
+
+        Raises:
+            BadValue: they were not kept.
+        """
+        if self._has_lost[game]:
+            raise BadValue(
+                "The actions that were given to step were not kept: make the batch with scenario.batch(…, record=True)."
+            )
+        return {int(turns[game]): given for turns, given in self._entries[self._begun[game] :]}
 
 
 def as_kept(moves: IntArray) -> IntArray:

@@ -62,8 +62,13 @@ _TURNS_AHEAD = 100  # if learners could be on all nodes within as many turns, al
 _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
 
 
-class NeedsEachGame(Exception):
-    """An array strategy does what batches let it do only game by game: the message says what."""
+def _unnamed(verb: str) -> BadValue:
+    """Return the error of an array strategy that calls a verb without having its name in its code."""
+    name = verb.partition(" ")[0]
+    return BadValue(
+        f"Batches call an array strategy that uses {verb} game by game, and the code of this one does not name "
+        f"{name}: call {name} in the strategy itself, or in a function of your program that it calls."
+    )
 
 
 class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
@@ -242,7 +247,7 @@ class ArrayView(ShowsMap, ShallowCopied, Mapping[str, Any]):
             return self._movement.towards(*asked, allowed).reshape(node.shape)
         if self._deeds is None:
             raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
-        raise NeedsEachGame("view.towards")
+        raise _unnamed("view.towards of agents with speeds")
 
     def take_edges(self, edges: object) -> None:
         """Make agents take edges, whatever moves the strategy returns for them.

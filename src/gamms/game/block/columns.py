@@ -10,7 +10,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
 from gamms.core import strategies as core
-from gamms.errors import BadValue, GammsError, UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.game.result import Result
 from gamms.game.roles import Role
 from gamms.game.settings import NamedRule, Plan
@@ -143,10 +143,6 @@ class ComingAgent(NamedTuple):
         is_same = is_same and self.mode == mode_of(agent)
         forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
         return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
-
-
-class BeginsAgain(GammsError):
-    """Array functions are called game by game from now on: all games play their turns again."""
 
 
 class AgentTable(NamedTuple):

@@ -1082,6 +1082,11 @@ class CoreGames:
         """The paths of agents that do not move along one edge per turn, if functions are called; else None."""
         return None if self._columns is None else self._columns.courses
 
+    @property
+    def knows_paths(self) -> bool:
+        """Whether the last paths of agents are known: they are kept, or follow from the nodes before and after."""
+        return self._columns is None or self.courses is not None
+
     def paths(self, games: IntArray) -> Paths | None:
         """Return the paths of the last turns of some games; None: all agents moved along at most one edge, at once."""
         starts, ends, took_part = self.last_moves(games)

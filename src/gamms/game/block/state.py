@@ -181,11 +181,11 @@ class LeavingGame(NamedTuple):
 
     Attributes:
         why: the reason.
-        game: the game in a context of its own, in which it goes on; None: it has to begin again in one.
+        game: the game in a context of its own, in which it goes on.
     """
 
     why: str
-    game: PlayedGame | None
+    game: PlayedGame
 
 
 class LeavesSharedContext(GammsError):
@@ -1022,10 +1022,10 @@ class GameArrays(BatchColumns):
         if self.stop[0]:
             raise TurnInterrupted
 
-    def leave(self, games: IntArray, why: str, game: PlayedGame | None = None) -> None:
-        """Stop playing games in the current turn, because of what a function does in them; see `LeavingGame`."""
-        self.leaving |= {number: LeavingGame(why, game) for number in games.tolist() if number not in self.leaving}
-        self.is_going[games] = False
+    def leave(self, number: int, why: str, game: PlayedGame) -> None:
+        """Stop playing a game in the current turn, because of what a function does in it; see `LeavingGame`."""
+        self.leaving[number] = LeavingGame(why, game)
+        self.is_going[number] = False
 
     def turn_agents(self) -> None:
         """Set the headings that living agents have chosen in the current part of the turn, after its moves."""

@@ -1,6 +1,6 @@
 """Find the plain functions of a game that are called game by game."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decide
 from gamms.game.block.in_core import called_rules, conflicts_in_core, core_forms
 from gamms.game.block.sensing import called_each_turn
 from gamms.game.cursor.own_functions import FunctionPerGame, some_function
-from gamms.game.hidden_state import find_names
+from gamms.game.hidden_state import find_names, may_change_games
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.settings import NamedRule
 from gamms.game.strategy_specs import decides_in_arrays
@@ -19,6 +19,14 @@ from gamms.text import as_code, shown
 
 _OF_SENSORS = {"get_sensor", "sensors"}
 """Names by which a function gets sensors."""
+_OF_ANY_NAME = {"__getattribute__", "attrgetter", "getattr", "getattr_static"}
+"""Names by which a function may read attributes whose names are not in its code."""
+_OF_DICTS = {"__dict__", "vars"}
+"""Names by which a function may change the attributes of an agent unnoticed."""
+_LOOKS = {"get_state", "observation", "sense"}
+"""Names by which a function asks sensors, or gets the random streams of an agent."""
+_DRAWS = {"draw", "rng"}
+"""Keys of the random streams of an agent in its state."""
 
 
 class StartValues(NamedTuple):
@@ -27,13 +35,12 @@ class StartValues(NamedTuple):
     turn: int
     moves: TurnMoves | None
     counts: dict[str, dict[str, int]]
-    has_begun_turn: bool  # whether parts of the present turn were played
 
     @classmethod
     def of(cls, state: GameState) -> "StartValues":
         """Return the values with which the game of a context begins."""
         counts = {name: each.copy() for name, each in state.counts.items()}
-        return cls(state.turn, state.moves, counts, state.parts_played is not None)
+        return cls(state.turn, state.moves, counts)
 
 
 class CalledFunctions(NamedTuple):
@@ -48,7 +55,8 @@ class CalledFunctions(NamedTuple):
         core_keys: the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays.
         facts_in_core: the key of each fact that the core knows, and the function that returns it for games.
         has_array_functions: whether array functions are called, too.
-        look_back: whether functions read what agents have sensed; see `may_look_back`.
+        asks_all: whether all agents decide in the context; see `find_why_all_decide`.
+        change_attributes: whether functions may change the `__dict__` of agents directly.
         first: the values with which games begin.
     """
 
@@ -60,7 +68,8 @@ class CalledFunctions(NamedTuple):
     core_keys: frozenset[str]
     facts_in_core: Sequence[tuple[str, Callable[..., Any]]]
     has_array_functions: bool
-    look_back: bool
+    asks_all: bool
+    change_attributes: bool
     first: StartValues
 
     @classmethod
@@ -72,7 +81,7 @@ class CalledFunctions(NamedTuple):
         observing: Sequence[int],
         *,
         has_array_functions: bool,
-        look_back: bool,
+        asks_all: bool,
     ) -> "CalledFunctions":
         """Return the functions that are called in games like one.
 
@@ -82,7 +91,7 @@ class CalledFunctions(NamedTuple):
             asked: the numbers of agents whose strategies and plans are called.
             observing: the numbers of other agents whose sensors are called in each turn.
             has_array_functions: whether array functions are called, too.
-            look_back: whether functions read what agents have sensed; see `may_look_back`.
+            asks_all: whether all agents decide in the context; see `find_why_all_decide`.
         """
         deciders = [decider_of(roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = game.internals.parts.collectors.by_name.values()
@@ -101,7 +110,8 @@ class CalledFunctions(NamedTuple):
             core_keys=frozenset(keys_in_core(game, roster)),
             facts_in_core=[(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None],
             has_array_functions=has_array_functions,
-            look_back=look_back,
+            asks_all=asks_all,
+            change_attributes=any(not _OF_DICTS.isdisjoint(names) for names in _name_all(game, roster)),
             first=StartValues.of(game.internals.state),
         )
 
@@ -145,25 +155,72 @@ def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
                 yield from spec.disclose({}, ())
 
 
-def may_look_back(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether plain functions name what agents have sensed in turns before: `agent.state` or `sensor.data`.
+def find_why_all_decide(game: PlayedGame, roster: AgentTable) -> str:
+    """Return why all agents decide in the context that shows games, also those that the core knows; "": they do not.
 
-    The code of functions, and of those that they call, is searched for these names.
+    That is if plain functions name what agents have sensed in turns before, `agent.state` or `sensor.data`, which each
+    game then keeps; or if sensors may change the game while agents look. The code of functions, and of those that they
+    call, is searched for this.
     """
+    if any(map(_looks_back, _name_all(game, roster))):
+        return "functions may read what agents have sensed before"
+    of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+    own = [one for one in of_agents if not getattr(one, "sees_world_only", False)]
+    looks = [getattr(one, "function", None) or getattr(one, "sense", None) for one in own]
+    if may_change_games(_in_each_game(looks)):
+        return "sensors may change the game"
+    return ""
+
+
+def _in_each_game(functions: Iterable[Any]) -> list[Callable[..., object]]:
+    """Return functions, and those of each game in place of a `FunctionPerGame`."""
+    found: list[Any] = []
+    for one in functions:
+        found += one.of_game if isinstance(one, FunctionPerGame) else [one]
+    return [*filter(callable, found)]
+
+
+def _name_all(game: PlayedGame, roster: AgentTable) -> Iterator[frozenset[str]]:
+    """Yield the names in the code of each plain function that is called; see `find_names`."""
     plans = game.settings()["plans"]
-    rules = functions_of_rules(game, roster)
     deciders = [decider_of(agent, plans) for agent in roster.agents]
     sensors = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-    called = [*rules, *deciders, *(getattr(one, "function", None) for one in sensors)]
-    found = [*(one.fn for one in game.internals.parts.collectors.by_name.values())]
-    for one in called:
-        found += one.of_game if isinstance(one, FunctionPerGame) else [one]
-    return any(map(_looks_back, find_names(filter(callable, found))))
+    called = [*functions_of_rules(game, roster), *deciders, *(getattr(one, "function", None) for one in sensors)]
+    called += [one.fn for one in game.internals.parts.collectors.by_name.values()]
+    return find_names(_in_each_game(called))
 
 
 def _looks_back(names: frozenset[str]) -> bool:
     """Return whether a function with these names in its code may read states of agents or data of sensors."""
-    return "state" in names or ("data" in names and not _OF_SENSORS.isdisjoint(names))
+    reads_data = "data" in names and not _OF_SENSORS.isdisjoint(names)
+    return "state" in names or reads_data or not _OF_ANY_NAME.isdisjoint(names)
+
+
+def find_why_apart(game: PlayedGame, roster: AgentTable) -> str:
+    """Return why games are played one after the other in contexts of their own from the start; "": they are not.
+
+    Rows of a batch cannot carry what they need: a game that leaves would not know it.
+    """
+    if roster.obey_turns and game.settings()["speed_unit"] != "edges":
+        return "agents by metres obey turn restrictions, which the core does not know"
+    if game.internals.state.parts_played is not None and first_called(game, roster) is not None:
+        return "functions are called, and the games begin in the middle of a turn"
+    before_moves = [check for _, check in game.internals.parts.rules.now.checks]
+    before_moves += [one.rule for one in called_rules(game, roster) if one.phase == "deeds" and is_plain_rule(one)]
+    if has_function_of_conflicts(game, roster):
+        before_moves.append(game.settings()["conflicts"].resolve)
+    of_agents = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+    looks_count = game.settings()["decide"] == "arrival" and not all(map(_looks_alike, of_agents))
+    for names in find_names(_in_each_game(before_moves)):
+        if not _LOOKS.isdisjoint(names) and (looks_count or not _DRAWS.isdisjoint(names)):
+            return "functions that are called before the moves draw by the streams of agents, or ask sensors"
+    return ""
+
+
+def _looks_alike(sensor: object) -> bool:
+    """Return whether repeated looks of a sensor in a turn are the same."""
+    look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+    return getattr(sensor, "sees_world_only", False) and (look is None or look.is_plain)
 
 
 def asked_of(game: PlayedGame, roster: AgentTable, *, all_first: bool) -> list[int]:

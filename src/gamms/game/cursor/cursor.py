@@ -13,9 +13,9 @@ from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
-from gamms.game.block.state import GameArrays, GameRow, LeavesSharedContext
+from gamms.game.block.state import GameArrays
 from gamms.game.cursor.called_functions import CalledFunctions
-from gamms.game.cursor.pointed import UNKNOWN, GamesToShow, PointedContext
+from gamms.game.cursor.pointed import GamesToShow, PointedContext
 from gamms.game.cursor.shown import AskedAgents, ShownGame, StreamPositions
 from gamms.game.decisions import Decisions
 from gamms.game.messages import MessageTraffic, read_outboxes
@@ -110,9 +110,8 @@ class Cursor:
     def _let_leave(self) -> None:
         """Stop playing the current game here, and restore the context."""
         before = self._shown
-        goes_on = self._can_take_along and before.begun is not None and not before.begins_again
-        game = before.take_along(self._marks.get(self._pointed.number)) if goes_on else None
-        self._state.leave(np.array([self._pointed.number]), before.why, game)
+        game = before.take_along(self._marks.get(self._pointed.number))
+        self._state.leave(self._pointed.number, before.why, game)
         turns = self._turns
         is_moving = turns.is_moving
         self.release()
@@ -122,25 +121,48 @@ class Cursor:
         turns.is_playing = True
         turns.is_moving = is_moving
 
-    @property
-    def _can_take_along(self) -> bool:
-        """Whether a game that leaves can go on from there, see `ShownGame.take_along`; else it begins again."""
-        number = self._pointed.number
-        has_same_agents = self._state.roster.is_first.all() and self._pointed.population_of(number) is None
-        can_keep = has_same_agents or not GameRow.of(self._state, number).keeps_for_agents
-        return can_keep and not self._called.first.has_begun_turn
+    def fork(self, number: int) -> PlayedGame:
+        """Return a game, which is between two turns, as it is now in a context of its own."""
+        rules = self._parts.rules.now
+        self._begin()
+        self._turns.is_playing = True
+        shown = self._shown
+        shown.begun = BegunPhase("after", rules.rules, len(rules.of_phase["after"]), collects=False)
+        shown.raised = None
+        shown.begin_counts()
+        try:
+            shown.show(self._pointed.first_of(np.array([number])), 0)
+            game: PlayedGame = shown.take_along(None)
+        finally:
+            self.release()
+        game.internals.parts.turns.finish_turn()
+        game.internals.left_as = number
+        return game
 
     def _begin_phase(self, phase: str, part: int) -> BegunPhase:
         """Return a phase of a part of the turn, in which games that leave go on."""
         return BegunPhase(phase, self._parts.rules.now.rules, 0, self._parts.settings.order, part=part)
 
-    def _have_left(self, games: IntArray) -> bool:
-        """Move games to contexts of their own if a function has changed attributes of agents that they share."""
-        if not self._shown.has_changed_shared:
-            return False
-        self._state.leave(games, "a plain function changes the __dict__ of agents")
-        self.release()
-        return True
+    def _refuse_shared_changes(self) -> None:
+        """Refuse that a function has changed attributes of agents that games share.
+
+        Raises:
+            BadValue: it has; see `ShownGame.refuse`.
+        """
+        if self._shown.has_changed_shared:
+            self._pointed.number = -1  # it may have been in any of the games
+            self._shown.refuse("changes the __dict__ of agents", "name __dict__, or call vars, in the function")
+
+    def _name_failure(self, error: Exception) -> None:
+        """Add the game to an error; agents have the attributes again that games share."""
+        refused = self._shown.refused
+        number = self._pointed.number if refused is None else refused
+        if number >= 0:
+            error.add_note(f"In game {number} of a batch, with the seed {self._state.seeds[number]}.")
+        self._shown.refusal = None
+        self._shown.refused = None
+        if self._shown.has_changed_shared:
+            self.release()
 
     def _play(self, games: IntArray, play: Callable[[ShownGame, GamesToShow, IntArray], int]) -> None:
         """Play those of some games that have not left, games with the same agents together.
@@ -160,6 +182,8 @@ class Cursor:
             shown = self._shown
             shown.core_facts = [(name, facts_of(state, games[which])) for name, facts_of in self._called.facts_in_core]
             played = play(shown, some, which)
+            if shown.refusal is not None:  # the function has caught it
+                raise shown.refusal
             if shown.why:
                 self._let_leave()
             places = places[played:]
@@ -307,26 +331,22 @@ class Cursor:
         try:
             ordered = games[self._pointed.by_population(games)]
             self._play(ordered, lambda shown, some, _: shown.call_each(some, function, args))
+            self._refuse_shared_changes()
         except Exception as error:
-            if not self._have_left(games):
-                if what:
-                    hint = UnknownAttribute.hint_of(error)
-                    error.add_note(f"In {what}, in turn {self._values.turn}.{hint}")
-                error.add_note(self._named())
-                raise
+            if what:
+                hint = UnknownAttribute.hint_of(error)
+                error.add_note(f"In {what}, in turn {self._values.turn}.{hint}")
+            self._name_failure(error)
+            raise
         finally:
             turns.is_playing = False
             turns.is_moving = False
             self._shown.part = None
             self._shown.begun = None
-        self._have_left(games)
         self._state.now.clear()
 
-    def _named(self) -> str:
-        return f"In game {self._pointed.number} of a batch, with the seed {self._state.seeds[self._pointed.number]}."
-
     @contextmanager
-    def _deciding(self, games: IntArray, begun: BegunPhase) -> Iterator[None]:
+    def _deciding(self, begun: BegunPhase) -> Iterator[None]:
         """Let agents observe and decide in games at which the context is pointed; see `_begin_phase`."""
         turns = self._turns
         self._begin()
@@ -337,17 +357,16 @@ class Cursor:
         turns.is_moving = True
         try:
             yield
+            self._refuse_shared_changes()
         except Exception as error:
-            if not self._have_left(games):
-                error.add_note(self._named())
-                raise
+            self._name_failure(error)
+            raise
         finally:
             turns.is_playing = False
             turns.is_moving = False
             turns.legality.set_time(0.0)
             self._shown.begun = None
             self._shown.forget_looks()
-        self._have_left(games)
 
     def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None, part: int) -> IntArray:
         """Return the actions of agents that are asked game by game.
@@ -376,11 +395,11 @@ class Cursor:
 
         def ask(shown: ShownGame, some: GamesToShow, which: IntArray) -> int:
             self.asks_anew = here is not None or len(shown.cached.notices) > 0
-            self.takes_all = self._called.look_back or not shown.cached.sees_world_only or self._chooses_more_than_nodes
+            self.takes_all = self._called.asks_all or not shown.cached.sees_world_only or self._chooses_more_than_nodes
             blocked = [are_blocked[i] for i in which.tolist()]
             return shown.ask_agents(some, self, blocked, places[which].tolist())
 
-        with self._deciding(games, self._begin_phase("decide", part)):
+        with self._deciding(self._begin_phase("decide", part)):
             self._play(games, ask)
         if self._deeds.given and not self._core.arrival:
             state.deed_log.want(self._deeds)
@@ -413,12 +432,7 @@ class Cursor:
     def note_given(self, view: ArrayView) -> None:
         """Record that agents got actions from outside."""
         names = self._state.roster.names
-        if self._called.look_back:
-            self._begin()
         for at, i in np.argwhere(view.mask).tolist():
-            if self._called.look_back:
-                looks = self._shown.looks_of(self._pointed.row_of(view.games[at]))
-                looks |= {key: UNKNOWN for key in looks if key[0] == names[view.agents[i]]}
             row = self._pointed.rows[view.games[at]]
             if row is not None:
                 row.undone.pop(names[view.agents[i]], None)
@@ -474,21 +488,24 @@ class Cursor:
     def _take_what_sensors_change(self, asked: AskedAgents) -> None:
         """Write the changes that custom sensors made before agents decided.
 
-        A game that leaves begins again if agents are left that would have looked before some of the changes.
+        Raises:
+            BadValue: agents are left that would have looked before some of the changes; see `ShownGame.refuse`.
         """
         shown = self._shown
-        try:
-            if shown.journal.log or shown.journal.progressed or shown.has_ended:
-                shown.go_alone("that is a sensor changes agents or ends the game")
-            if self._core.arrival is not None:
-                shown.leave_with_other_map()
-            shown.take()
-        except LeavesSharedContext:
+        have_changed = bool(
+            shown.journal.log or shown.journal.progressed or shown.has_ended or shown.has_other_settings
+        )
+        if have_changed or shown.has_other_map:
             lives = np.frombuffer(shown.block.alive.tobytes(), np.bool_)
             decides = self._core.part_of[self._pointed.population.numbers] == self._deeds.part
             if len(asked.part.observing) < np.count_nonzero(lives & decides):
-                shown.begins_again = True
-            raise
+                what = "that is a sensor changes the game while other agents look in the core"
+                shown.refuse(what, "set the attribute, or call the verb, in the sensor itself")
+        if have_changed:
+            shown.go_alone("that is a sensor changes agents, settings, rules or collectors, or ends the game")
+        if self._core.arrival is not None:
+            shown.leave_with_other_map()
+        shown.take()
 
     def _choose_flights(self, flights: TurnFlights, decisions: Decisions, asked: AskedAgents) -> None:
         """Store the flights that agents of the current game have chosen."""

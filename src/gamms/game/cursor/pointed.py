@@ -40,8 +40,6 @@ _OF_ALL = (
 
 Looks = dict[tuple[str, str], Any]
 """What agents have sensed: (agent, "") -> its last state, and (agent, sensor) -> the last data of the sensor."""
-UNKNOWN = object()
-"""In place of these values of agents that got actions from outside: a batch does not make them."""
 
 
 class GuardedDict(dict[Any, Any]):
@@ -114,7 +112,7 @@ class StartOfGame:
         row: returns what Python holds of the game; see `RowValues`.
         end: ends the game; called with the reason, the winner and the truncation.
         replace_data: sets `ctx.game.data`.
-        leave: moves the game to a context of its own; called with the reason.
+        refuse: refuses a verb; called with it, in words.
     """
 
     def __init__(
@@ -124,14 +122,14 @@ class StartOfGame:
         row: Callable[[], "RowValues"],
         end: Callable[[dict[str, Any] | None], None],
         replace_data: Callable[[dict[Any, Any]], None],
-        leave: Callable[[str], NoReturn],
+        refuse: Callable[[str], NoReturn],
     ) -> None:
         self.pointed = pointed
         self.read = read
         self.row = row
         self.end = end
         self.replace_data = replace_data
-        self._leave = leave
+        self.refuse = refuse
 
     @property
     def snapshot(self) -> "StartOfGame":
@@ -165,7 +163,7 @@ class StartOfGame:
         """Refuse everything else."""
         if name.startswith("__"):
             raise AttributeError(name)
-        self._leave("resets the game")
+        self.refuse("resets the game")
 
 
 class PointedState(GameState):
@@ -198,7 +196,7 @@ def _write_row(name: str, state: GameState, value: object) -> None:
 
 
 def _play_turn_in_it(state: GameState, _: object) -> None:
-    state.start._leave("plays a turn of the game")
+    state.start.refuse("plays a turn of the game")
 
 
 for _name in _READ:

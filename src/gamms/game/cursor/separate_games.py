@@ -5,12 +5,10 @@ They do what games that share a context cannot do, for example change a setting:
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from gamms.deciding import phase_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.array_functions.declarations import note_moves
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
@@ -19,68 +17,14 @@ from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
 from gamms.game.block.state import GameArrays
-from gamms.game.cursor.shown import list_lasts
 from gamms.game.movement.noted_moves import NotedMoves
 from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Result
-from gamms.game.snapshots import Snapshot, renew_state, renew_streams
+from gamms.game.snapshots import ForkSource
 from gamms.ir.game_state import in_conflict
+from gamms.ir.graph import IntArray
 from gamms.text import shown
 from gamms.typing import AgentType
-
-
-class LooksBefore:
-    """Makes the last states of agents, and the data of their sensors, in a game that has left its batch.
-
-    The batch has not kept them. When one is read first, the turns before are played once more for them.
-
-    Args:
-        game: the game, in a context of its own.
-        begin: returns the same game as it was when it left, in another context.
-    """
-
-    def __init__(self, game: PlayedGame, begin: Callable[[], PlayedGame]) -> None:
-        self._game = game
-        self._begin = begin
-        self._values: dict[tuple[str, str], list[Any]] = {}
-        self._unread = dict[str, Any]()  # stands for a value that is not made
-        self._lasts = list_lasts(game.ctx)
-        begun = game.internals.parts.turns.begun
-        for key in self._lasts.keys() - (() if begun is None else begun.sensed):
-            self._lasts[key][0] = self._unread
-
-    def __call__(self) -> None:
-        """Make all values that are not made."""
-        unread = [key for key, last in self._lasts.items() if last[0] is self._unread]
-        if unread and not self._values:
-            alone = self._begin()
-            self._values = {key: [*last] for key, last in list_lasts(alone.ctx).items()}
-            alone.ctx.terminate()
-        for key in unread:
-            last = self._lasts[key]
-            last[:] = self._values.get(key, [{}, *last[1:]])  # agents that came in this turn have seen nothing
-        self._renew([name for name, sensor in unread if not sensor])
-
-    def _renew(self, names: Sequence[str]) -> None:
-        """Insert what agents of this game know into their states."""
-        parts = self._game.internals.parts
-        agents = {agent.name: agent for agent in self._game.ctx.agent.storage.made()}
-        states = []
-        for name in names:
-            state = self._lasts[name, ""][0]
-            if "memory" in state and name in agents:
-                renew_state(parts, agents[name], state, state.get("team_memory"))
-                states.append((agents[name], state))
-        if states:
-            renew_streams(parts, states)
-
-
-def _turns_of_looks(game: PlayedGame) -> int:
-    """Return the number of turns in which agents have decided, of a game that has left its batch in a turn."""
-    begun = game.internals.parts.turns.begun
-    if begun is None:
-        return game.turn
-    return game.turn + (begun.under_way is not None or begun.phase in ("check", "deeds", "give way"))
 
 
 class SeparateGames:
@@ -89,45 +33,33 @@ class SeparateGames:
     Args:
         engine: plays the other games.
         roster: the agents of all games.
-        begin: returns a game, by its number, after a number of turns, in a context of its own.
+        begin: returns a game, by its number, at its start in a context of its own.
         playing: returns a context manager in which a game is played, by its number.
-        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game if
-            `is_reset` is True.
+        let_go: takes a game that has ended, by its number; no program holds its context, which may show another game.
 
     Attributes:
         reasons: why each of these games is played in a context of its own.
-        ran_from: for games that `run` has played to their ends, the number of turns that each had before.
     """
 
     def __init__(
         self,
         engine: BatchEngine,
         roster: AgentTable,
-        begin: Callable[[int, int], PlayedGame],
+        begin: Callable[[int], PlayedGame],
         playing: Callable[[int, PlayedGame], AbstractContextManager[None]],
         let_go: Callable[..., None],
     ) -> None:
         self.reasons: dict[int, str] = {}
-        self.ran_from: dict[int, int] = {}
         self._begin = begin
         self._playing = playing
         self._let_go = let_go
-        self._turns: dict[int, int] = {}  # that each game has played when its context is made
         self._games: dict[int, PlayedGame] = {}
         self._results: dict[int, Result] = {}  # of games whose contexts have ended
+        self._ends: dict[int, ForkSource] = {}  # of games whose contexts show other games now
         self._unobserved: set[int] = set()  # whose places are not in the columns
         self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
         self._roster = roster
-        self.move_to(engine)
-
-    def move_to(self, engine: BatchEngine) -> None:
-        """Let another engine play the other games."""
         self._engine = engine
-        for number in self.reasons:
-            engine.set_apart(number, self._turns[number])
-            self._unobserved.add(number)
-            if number in self._games:
-                self._note(number)
 
     def __len__(self) -> int:
         return len(self.reasons)
@@ -135,51 +67,57 @@ class SeparateGames:
     def __contains__(self, number: object) -> bool:
         return number in self.reasons
 
-    def add(self, number: int, why: str, turns: int, game: PlayedGame | None = None) -> None:
+    def add(self, number: int, why: str, game: PlayedGame | None = None, turns: int | None = None) -> None:
         """Play a game in a context of its own from now on.
 
         Args:
             number: its number.
             why: the reason.
-            turns: the number of turns that it has played, when its context is made.
-            game: the game in that context, in the middle of a later turn; None: it is made when it is needed.
+            game: the game in that context; None: it is at its start, and the context is made when it is needed.
+            turns: the number of turns before the turn that the game is in the middle of; None: it is between two turns.
         """
         self.reasons[number] = why
-        self._turns[number] = turns
+        self._unobserved.add(number)
         if game is not None:
             self._games[number] = game
             game.internals.left_as = number
-            phase_of(game.ctx).read_looks = LooksBefore(game, partial(self._begin, number, _turns_of_looks(game)))
-        self._unobserved.add(number)
-        self._engine.set_apart(number, turns)
-
-    def begin_again(self) -> None:
-        """Let games that have left in the current run begin again, because they have drawn what others have drawn."""
-        for number in [number for number, game in self._games.items() if _is_in_turn(game)]:
-            self._end(number)
+        state = self._engine.state_in(number)
+        state.is_apart[number] = True
+        state.is_going[number] = True
+        state.over[number] = None
+        if turns is not None:
+            state.turn[number] = turns
 
     def forget(self, numbers: Iterable[int]) -> None:
         """End the contexts of games, which are not played in them any more."""
         for number in self.reasons.keys() & numbers:
             self._end(number)
-            for known in (self.reasons, self.ran_from, self._turns, self._results, self._beyond_arrays):
+            for known in (self.reasons, self._results, self._ends, self._beyond_arrays):
                 known.pop(number, None)
             self._unobserved.discard(number)
-            self._engine.state_in(number).data_apart.pop(number, None)
-            self._engine.take_back(number)
+            state = self._engine.state_in(number)
+            state.data_apart.pop(number, None)
+            state.is_apart[number] = False
 
     def close(self) -> None:
         """End all contexts; results remain available."""
         for number in [*self._games]:
             with suppress(BadValue):  # an error of `observe`, which raises it again
                 self.observe([number])
-            self._settle(number)
+            self._results[number] = self.result(number)
             self._end(number)
 
-    def _settle(self, number: int) -> None:
-        """Keep the result of a game whose context is about to end; it gets one again if it is to be observed."""
+    def _give_context_back(self, number: int) -> None:
+        """Let the context of a game that is over show other games; what it was at its end is kept."""
+        game = self._games[number]
+        end = game.internals.capture()
+        if end is None:  # it has objects of which no copy can be kept
+            return
+        with suppress(BadValue):  # an error of `observe`, which raises it again
+            self.observe([number])
         self._results[number] = self.result(number)
-        self._turns[number] = self._games[number].turn
+        self._ends[number] = end
+        self._let_go(number, self._games.pop(number))
 
     def _end(self, number: int) -> None:
         game = self._games.pop(number, None)
@@ -192,14 +130,13 @@ class SeparateGames:
         is_over = self._engine.is_over
         return [number for number in sorted(self.reasons) if not is_over[number]]
 
-    def has_context(self, number: int) -> bool:
-        """Return whether a game is shown by a context of its own."""
-        return number in self.reasons and number not in self._results
-
     def game(self, number: int) -> PlayedGame:
         """Return a game in its context."""
         if number not in self._games:
-            self._games[number] = self._begin(number, self._turns[number])
+            end = self._ends.pop(number, None)
+            seed = self._engine.state_in(number).seeds[number]
+            game = self._begin(number) if end is None else end.make_fork(seed)[0].game
+            self._games[number] = game
             self._note(number)
         return self._games[number]
 
@@ -259,43 +196,22 @@ class SeparateGames:
             self.forget(self.reasons.keys() - known)
             raise
 
-    def run(self) -> Iterator[int]:
+    def run(self, began: IntArray) -> Iterator[int]:
         """Play all games until the run of the batch stops; yield the number of each.
 
-        After an interrupt a game is as it was before.
+        Args:
+            began: (games,) the number of turns that each game had played when the run began.
         """
         for number in self.going:
-            had_context = number in self._games
             game = self.game(number)
-            is_in_turn = _is_in_turn(game)  # it has left in this run
-            had_context &= not is_in_turn
-            self.ran_from[number] = self._turns[number] if is_in_turn else game.turn
-            game.internals.run_began = self.ran_from[number]
+            if _is_in_turn(game):  # it has left in this run
+                game.internals.run_began = int(began[number])
             last = self._engine.last_turn(number)
-            before = game.snapshot() if had_context else None
-            try:
-                with self._played(number, game):
-                    game.run(None if last is None else max(0, last - game.turn))
-            except Exception:
-                raise
-            except BaseException:
-                del self.ran_from[number]
-                self._take_back(number, game, before)
-                raise
-            if not had_context and self._engine.is_over[number]:
-                self._settle(number)
-                self._let_go(number, self._games.pop(number), is_reset=not is_in_turn)
+            with self._played(number, game):
+                game.run(None if last is None else max(0, last - game.turn))
+            if self._engine.is_over[number] and game.internals.left_as is None:
+                self._give_context_back(number)
             yield number
-
-    def _take_back(self, number: int, game: PlayedGame, before: Snapshot | None) -> None:
-        """Let a game go back to a snapshot; None: it had no context, and gets one again when it is needed."""
-        if before is not None:
-            game.restore(before)
-            self._note(number)
-            return
-        self._end(number)
-        self._engine.set_apart(number, self._turns[number])
-        self._unobserved.add(number)
 
     @contextmanager
     def _played(self, number: int, game: PlayedGame) -> Iterator[None]:

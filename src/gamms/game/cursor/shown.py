@@ -10,14 +10,14 @@ import numpy as np
 
 from gamms.core.ask import GamesInContext
 from gamms.core.copies import copied, copied_values
-from gamms.deciding import phase_of
+from gamms.deciding import UNKNOWN_LOOK, phase_of
+from gamms.errors import BadValue
 from gamms.game.block.columns import PlayedGame
 from gamms.game.block.in_core import CoreGames
 from gamms.game.block.state import STOPPED, GameArrays, GameRow, LeavesSharedContext, fits_float
 from gamms.game.cursor.called_functions import CalledFunctions
 from gamms.game.cursor.own_functions import function_of_game
 from gamms.game.cursor.pointed import (
-    UNKNOWN,
     GuardedDict,
     Looks,
     PointedContext,
@@ -135,6 +135,7 @@ class _Attributes:
 
     Args:
         agents: the agents at the start.
+        may_share: whether no function changes the `__dict__` of agents directly, which nothing notices.
 
     Attributes:
         now: the attributes of each agent in the game that is shown.
@@ -142,10 +143,10 @@ class _Attributes:
         are_shared: whether games share attributes; else each has its own from the beginning.
     """
 
-    def __init__(self, agents: Sequence[Any]) -> None:
+    def __init__(self, agents: Sequence[Any], *, may_share: bool) -> None:
         self._first = [copied_values(vars(one)) for one in agents]
         self._shared: list[dict[str, Any]] = [one.__dict__ for one in agents]
-        self.are_shared = is_plain(self._first)
+        self.are_shared = may_share and is_plain(self._first)
         self.now = self._shared
         self.shown = self._shared
 
@@ -195,7 +196,7 @@ class ShownGame(GamesInContext):
 
     The context has one set of agents. They show the game that it is pointed at. If a plain function changes what the
     core cannot change, its game leaves: it goes on from there in a context of its own, see `take_along`. If a function
-    reads what a batch does not keep, its game begins again in such a context. The context shows games until `release`.
+    reads what a batch does not keep, it is refused. The context shows games until `release`.
 
     Args:
         game: the game at its start, whose context is pointed at other games.
@@ -213,8 +214,8 @@ class ShownGame(GamesInContext):
         have_joined: whether agents created in this part of the turn take part in it.
         has_ended: whether a function has ended the game.
         begun: the phase that is played, if a game can leave in it and go on from there; else None.
-        begins_again: whether the game that leaves has to begin again, because a function reads values that the batch
-            does not keep.
+        refusal: why a game can neither go on here nor leave; None: all can.
+        refused: the number of this game; -1: it is unknown; None: all can.
     """
 
     _pointed: PointedContext
@@ -242,14 +243,15 @@ class ShownGame(GamesInContext):
         self.have_joined = False
         self.has_ended = False
         self.begun: BegunPhase | None = None
-        self.begins_again = False
+        self.refusal: BadValue | None = None
+        self.refused: int | None = None
         self._under_way: AgentsUnderWay | None = None  # of the game that leaves
         pointed.hold()
         self._first_looks = {key: last[0] for key, last in list_lasts(self._ctx).items()}
         self.number_of = {name: i for i, name in enumerate(state.roster.names)}
-        self.looks = GuardedDict({}, None, lambda _: self.leave("reads what agents have sensed"))
+        self.looks = GuardedDict({}, None, lambda _: self.refuse_look())
         self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
-        self._attributes = _Attributes(pointed.population.agents.members)
+        self._attributes = _Attributes(pointed.population.agents.members, may_share=not called.change_attributes)
         self._take_shown()
         self._turns.note_departed()
         self._first_data = {key: one for key, one in values.data.items() if key not in called.core_keys}
@@ -263,7 +265,7 @@ class ShownGame(GamesInContext):
         self._num_events = 0  # of the events and messages that were read
         self._num_messages = 0
         self._has_own = bool(
-            called.look_back or called.own_functions or state.radio is not None or not self._attributes.are_shared
+            called.asks_all or called.own_functions or state.radio is not None or not self._attributes.are_shared
         )
         self.has_more = self._has_own
         self._kept_start = values.start
@@ -280,7 +282,9 @@ class ShownGame(GamesInContext):
         pointed = self._pointed
         self._phase.before_reading = self._own_attributes
         values.__class__ = PointedState
-        values.start = StartOfGame(self._pointed, self.read, self.own_row, self._end, self._replace_data, self.leave)
+        values.start = StartOfGame(
+            self._pointed, self.read, self.own_row, self._end, self._replace_data, self._refuse_verb
+        )
         values.deed_log = self._state.deed_log
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
@@ -323,10 +327,34 @@ class ShownGame(GamesInContext):
         self.have_joined = before.have_joined
         self.begun = before.begun
 
-    def leave(self, what: str) -> NoReturn:
-        """Let the current game begin again in a context of its own; the argument says why, in words."""
-        self.begins_again = True
-        self.go_alone(what)
+    def refuse(self, what: str, way_out: str) -> NoReturn:
+        """Refuse what a function has done that a batch notices too late, because its code does not say so.
+
+        Args:
+            what: what it has done, in words.
+            way_out: how its code says so.
+
+        Raises:
+            BadValue: always.
+        """
+        self.why = ""
+        self.refused = self._pointed.number
+        self.refusal = BadValue(
+            f"A plain function {what}, and the games of a batch have not kept what this needs. Its code does not say "
+            f"that it does so: {way_out}. Then the games keep what they need, or are played one after the other."
+        )
+        raise self.refusal
+
+    def refuse_look(self) -> NoReturn:
+        """Refuse to read what agents have sensed in earlier turns; see `refuse`."""
+        self.refuse(
+            "reads what agents have sensed in earlier turns",
+            "write agent.state, or sensor.data of agent.sensors, in the function itself",
+        )
+
+    def _refuse_verb(self, what: str) -> NoReturn:
+        """Refuse a verb that no function may call in a turn; the argument says which, in words."""
+        self.refuse(what, "play and reset a game between two turns, not in a function that a turn calls")
 
     def say_why(self, what: str) -> None:
         """Set why the game leaves, unless it is known."""
@@ -339,8 +367,6 @@ class ShownGame(GamesInContext):
 
     def _note_read(self, what: str) -> None:
         """Let the current game go on alone after the function that is called; the argument says why, in words."""
-        if self.begun is None:
-            self.leave(what)
         self.read_of_core = self.read_of_core or what
 
     def take_along(self, positions: StreamPositions | None) -> Any:
@@ -353,7 +379,8 @@ class ShownGame(GamesInContext):
             positions: the streams and looks of agents that functions have decided for at arrivals; None: for none.
         """
         begun = self.begun
-        assert begun is not None  # noqa: S101 - else it begins again
+        assert begun is not None  # noqa: S101 - functions are called in a phase
+        self._refuse_kept_rows()
         is_within = begun.phase not in ("before", "after")
         drawn = {}
         if self._core.arrival is not None and self.has_other_map:
@@ -394,7 +421,27 @@ class ShownGame(GamesInContext):
             parts.turns.whole = copy_moves(earlier, parts, memo)
         if is_within:
             self._copy_logs(state, parts.turns.messages, begun)
+        for key, last in list_lasts(ctx).items():
+            if key not in sensed:
+                last[0] = UNKNOWN_LOOK
         return ctx.game
+
+    def _refuse_kept_rows(self) -> None:
+        """Refuse to let a game leave if array functions keep values by agent, and it has other agents than the batch.
+
+        Raises:
+            BadValue: see `refuse`.
+        """
+        roster = self._state.roster
+        row = GameRow.of(self._state, self._pointed.number)
+        known = {*self._ctx.agent.agents, *self.own_row().departed}
+        if row.keeps_for_agents and not known >= {*roster.names}:
+            name = next(name for name in roster.names if name not in known)
+            self.refuse(
+                f"lets its game leave the batch ({self.why}), where keep(key, make) has a place for agent {name!r}, "
+                "which has not come",
+                "keep arrays of the shape (games,), or reserve no agents",
+            )
 
     def _hand_over_arrivals(self, phase: str) -> AgentsUnderWay:
         """Return the agents of the game that leaves while they arrive."""
@@ -524,7 +571,7 @@ class ShownGame(GamesInContext):
 
     def _forget_other_looks(self, decided: MadeDecisions | None) -> None:
         """Forget what agents have sensed, but for those of the game that leaves while they decide."""
-        if self._called.look_back:
+        if self._called.asks_all:
             return
         have_decided = () if decided is None else decided.ends
         have_looked = () if decided is None else {*decided.ends, *decided.sensed}
@@ -639,18 +686,14 @@ class ShownGame(GamesInContext):
 
     def has_asked(self) -> bool:
         """Return whether a function has called sensors."""
-        if not self._called.look_back:
+        if not self._called.asks_all:
             return super().has_asked()
         return any(last[0] is not self._looks_shown[key] for key, last in self.cached.named_lasts.items())
 
     def keep_looks(self) -> None:
         """Keep what agents have sensed in the row of the game, if functions may read it."""
-        if self._called.look_back:
-            self.own_row().looks = self._read_looks(self.cached.named_lasts)
-
-    def _read_looks(self, lasts: Mapping[tuple[str, str], list[Any]]) -> Looks:
-        """Return what agents have sensed, from the lists with it."""
-        return {key: UNKNOWN if last[0] is self.looks else last[0] for key, last in lasts.items()}
+        if self._called.asks_all:
+            self.own_row().looks = {key: last[0] for key, last in self.cached.named_lasts.items()}
 
     def looks_of(self, row: RowValues) -> Looks:
         """Return what the agents of a game have sensed."""
@@ -663,14 +706,13 @@ class ShownGame(GamesInContext):
 
     def _show_looks(self) -> None:
         """Show what the agents of the game have sensed."""
-        looks = self.looks_of(self.own_row())
-        self._looks_shown = {key: self.looks if one is UNKNOWN else one for key, one in looks.items()}
+        self._looks_shown = dict(self.looks_of(self.own_row()))
         for key, last in self.cached.named_lasts.items():
             last[0] = self._looks_shown[key]
 
     def forget_looks(self) -> None:
         """Forget what agents have sensed, unless functions may read it."""
-        if self._called.look_back:
+        if self._called.asks_all:
             return
         for last in self.cached.lasts:
             last[0] = self.looks
@@ -690,7 +732,7 @@ class ShownGame(GamesInContext):
             self.ordered.order.take_lives()
         if self._attributes.shown is not self._attributes.now:
             self._attributes.show(self._agents)
-        if self._called.look_back:
+        if self._called.asks_all:
             self._show_looks()
         if self.part is not None and self.cached.counting:
             self._show_counts()
@@ -902,7 +944,7 @@ class ShownGame(GamesInContext):
         if not self._has_moved:
             return self._called.first.moves
         starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
-        if not took_part.any():
+        if not (took_part.any() and self._core.knows_paths):
             return None
         moves = self._moves_between(starts, ends, took_part, None)
         parts = self._parts.settings.order
@@ -1046,13 +1088,13 @@ class ShownGame(GamesInContext):
             if self.part is not None:  # it does not make the move of a deleted agent of its name
                 self.cancel(place)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
-        looks = self._read_looks(list_lasts(self._ctx))
+        looks: Looks = {key: last[0] for key, last in list_lasts(self._ctx).items()}
         found = self._pointed.take_population(number)
         self._take_shown()
         row.attributes = [attributes[agent.name] for agent in self._agents]
         self._attributes.take_row(row)
         self._fixed = self._what_is_fixed()
-        if self._called.look_back:
+        if self._called.asks_all:
             row.looks = looks
         return found.block
 
@@ -1168,13 +1210,19 @@ class ShownGame(GamesInContext):
             is_arriving = self._core.arrival is not None
             is_moving = self.part is not None and (has_drawn or at_arrivals)
             if is_arriving or is_moving:  # agents have, any number of times
-                self.leave(what)
+                self.refuse(what, "write get_state or observation, and 'draw' or 'rng', in the function itself")
             self._note_read(what)
 
     def refuse_other_agents(self, what: str) -> None:
         """Let the game leave if a function has changed agents otherwise than by own attributes."""
         if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self.journal.log):
             self.go_alone(f"that is {what} changes agents")
+
+    @property
+    def has_other_settings(self) -> bool:
+        """Whether a function has changed settings, rules or collectors, or strategies or sensors of agents."""
+        phase = self._phase
+        return (phase.strategy_changes, phase.sensor_changes) != self._changes or self._what_is_fixed() != self._fixed
 
     @property
     def has_other_map(self) -> bool:
