@@ -44,7 +44,8 @@ class UnknownLook(dict[str, Any]):
 
     __slots__ = ()
 
-    def __copy__(self) -> "UnknownLook":
+    def copy(self) -> "UnknownLook":
+        """Return itself: it has no values."""
         return self
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "UnknownLook":

@@ -232,6 +232,10 @@ def test_a_window_shows_the_game_that_is_asked_for_and_games_are_played_without_
             assert before.is_terminated() == (before is not shown)
             assert shown.visual.frame(40, 30).shape == (30, 40, 3)
             assert plain(shown.game.result()) == plain(games.result(second))
+        games.step()
+        assert games.context(second) is shown
+        games.reset([second])
+        assert games.context(second) is shown, "the window stays for games that begin"
         other = games.context(int(games.maps.argmax()))
         assert shown.is_terminated()
         assert len(other.graph.columns().node_ids) == 20

@@ -1,5 +1,6 @@
 """The context of one game of a batch: what is read from it is what the game alone has at that turn."""
 
+import copy
 import threading
 from queue import SimpleQueue
 
@@ -114,6 +115,9 @@ def test_a_context_knows_what_agents_have_sensed_from_the_next_turn_on():
         for read in (lambda: agent.state, lambda: agent.sensors["near"].data):
             with pytest.raises(BadValue, match=r"has not kept what (agent 'red_0'|sensor 'red_0/near') has sensed"):
                 read()
+        twin = copy.deepcopy(games.context(1)).agent.get_agent("red_0")
+        with pytest.raises(BadValue, match="has not kept what agent 'red_0' has sensed"):
+            assert twin.state
         games.step()
         assert agent.state["turn"] == 1
         assert agent.sensors["near"].data == agent.state["sensor"]["near"][1]

@@ -353,7 +353,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         sensors = {name: deepcopy(sensor, memo) for name, sensor in carried_sensors.items()}
         shared = tuple([deepcopy(sensor, memo) for sensor in shared_sensors])
         near = deepcopy(self._near, memo)
-        values = phase_of(ctx), ctx, block, near, sensors, shared, (), [dict(state)], strategy
+        values = phase_of(ctx), ctx, block, near, sensors, shared, (), [state.copy()], strategy
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(twin, name, value)  # NOTE: see `_begin`
         object.__setattr__(twin, "_row", row)

@@ -69,7 +69,8 @@ class BatchSource(NamedTuple):
         starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
             not depend on the seed.
         build: makes a context with the game of a seed; None: the batch was not made from a scenario.
-        show: opens a window for a context with one of these games; None: games are shown without one.
+        show: makes a context with the game of a seed and with a window; None: games are shown without one.
+        open_window: opens a window for a context with one of these games; None: as above.
         functions: makes the strategies, plans and functions of sensors that depend on the seed; None: none do.
         differs: whether rules, facts, data or attributes of agents depend on the seed, too.
         more_edges: edges that are not on the map of the game, but may be for other seeds.
@@ -78,7 +79,8 @@ class BatchSource(NamedTuple):
     game: PlayedGame
     starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
     build: Callable[[int], Any] | None
-    show: Callable[[Any], object] | None
+    show: Callable[[int], Any] | None
+    open_window: Callable[[Any], object] | None
     functions: MakeFunctions | None = None
     differs: bool = False
     more_edges: ClosedEdges = MappingProxyType({})
@@ -160,6 +162,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
+        self._window: _SingleGame | None = None  # the game that began in a window, with the number of its source
         self._alone: _SingleGame | None = None  # the game that is playing now
         self._lock = RLock()  # of the thread that plays
         self._set_apart(np.arange(len(self)))
@@ -226,6 +229,8 @@ class Batch(Surface, Immutable, NotPickled):
             self._deciders.pop(number, None)
             if number in self._spare:
                 self._spare.pop(number).ctx.terminate()
+            if self._window is not None and self._window.number == number:
+                self._close_window()
         self._sources[those] = sources
         self._rosters[those] = rosters
         self._own[those] = own
@@ -267,6 +272,7 @@ class Batch(Surface, Immutable, NotPickled):
         self._separate.close()
         for game in self._spare.values():
             game.ctx.terminate()
+        self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
 
@@ -383,8 +389,12 @@ class Batch(Surface, Immutable, NotPickled):
     def _leave_now(self, which: BoolArray, why: str) -> None:
         """Play those games of a mask, (games,), that are not over in contexts of their own from now on."""
         for number in np.flatnonzero(which & self._engine.playing).tolist():
-            is_at_start = self._engine.turns()[number] == self._first_turn and not self._is_loaded[number]
-            self._separate.add(number, why, None if is_at_start else self._fork(number))
+            self._separate.add(number, why, None if self._is_at_start(number) else self._fork(number))
+
+    def _is_at_start(self, number: int) -> bool:
+        """Return whether a game has not begun to play."""
+        is_over = self._engine.is_over[number] or self._is_loaded[number]
+        return bool(self._engine.turns()[number] == self._first_turn and not is_over)
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
@@ -853,15 +863,39 @@ class Batch(Surface, Immutable, NotPickled):
         """
         number = self._as_game(game)
         with self._playing():
-            show = self._sources[self._source_of[number]].show
-            if number in self._separate and show is None:
+            if number in self._separate and self._sources[self._source_of[number]].show is None:
                 return self._separate.game(number).ctx
             if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
                 self._hide()
-                self._shown = _SingleGame(number, self._fork(number))
-                if show is not None:
-                    show(self._shown.game.ctx)
+                self._shown = _SingleGame(number, self._show(number))
             return self._shown.game.ctx
+
+    def _show(self, number: int) -> PlayedGame:
+        """Return a game as it is now, in a context of its own, which may have a window."""
+        source = self._sources[self._source_of[number]]
+        if source.show is not None and self._is_at_start(number):
+            return self._begin_in_window(source.show, number)
+        self._close_window()
+        game = self._fork(number)
+        if source.open_window is not None:
+            source.open_window(game.ctx)
+        return game
+
+    def _begin_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
+        """Return a game at its start, in the window of games that began before, or in a new one."""
+        seed = self.seeds[number]
+        source = int(self._source_of[number])
+        if self._window is not None and self._window.number == source and not self._window.game.ctx.is_terminated():
+            self._window.game.reset(seed=seed)
+        else:
+            self._close_window()
+            self._window = _SingleGame(source, show(seed).game)
+        return self._window.game
+
+    def _close_window(self) -> None:
+        if self._window is not None:
+            self._window.game.ctx.terminate()
+            self._window = None
 
     def _fork(self, number: int) -> PlayedGame:
         """Return a game as it is now, in a context of its own."""
@@ -906,8 +940,8 @@ class Batch(Surface, Immutable, NotPickled):
             self._play_to_now(shown.game, shown.number, {shown.game.turn: given})
 
     def _hide(self) -> None:
-        """Terminate the separate context that shows a game."""
-        if self._shown is not None:
+        """Terminate the separate context that shows a game; the window in which it began stays for the next game."""
+        if self._shown is not None and (self._window is None or self._shown.game is not self._window.game):
             self._shown.game.ctx.terminate()
         self._shown = None
 

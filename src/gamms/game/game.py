@@ -666,7 +666,7 @@ class Game(Surface, RuleVerbs):
         fork = self.fork(0)
         fork._phase.read_last_turn()
         try:
-            return Batch([BatchSource(fork, None, None, None)], chosen, record=False, most_agents=most_agents)
+            return Batch([BatchSource(fork, None, None, None, None)], chosen, record=False, most_agents=most_agents)
         except BaseException:
             fork.ctx.terminate()
             raise

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import DescribedFunction, annotations_of
 from gamms.core.copies import ONLY_PLAIN, NotPlain, copied, copied_values
-from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, add_copies, copied_part, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, GammsError
 from gamms.game.conflicts import Conflicts
 from gamms.game.facts import PrivateForks, facts_for
@@ -224,7 +224,7 @@ class ForkSource:
         )
         self.agents = self.snapshot.agents
         each = zip(self.agents.roster.agents, self.agents.states, strict=True)
-        self.agents.states = [_copy_state(state) if names is None or one.name in names else {} for one, state in each]
+        self.agents.states = [state.copy() if names is None or one.name in names else {} for one, state in each]
         self._team_memories = [state.get("team_memory") for state in self.agents.states]
         self._settings: dict[str, Any] = self.snapshot.part("settings")
         self.held: dict[int, Any] = {}
@@ -353,11 +353,6 @@ class ForkSource:
             if type(function) not in (_FUNCTIONS | _SCALARS):
                 raise NotPlain  # an object, which is copied
             _note_held(function, self.held)
-
-
-def _copy_state(state: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of the last state of an agent, unless it is unknown."""
-    return state if state is UNKNOWN_LOOK else dict(state)
 
 
 class ForkMemo(dict[int, Any]):

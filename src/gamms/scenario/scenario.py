@@ -444,8 +444,12 @@ class Scenario(Surface, Immutable):
             differs = builder.has_other_values(varying)
             place = on_map(self._map_number)(builder.place) if are_drawn else None
             build = partial(self.build, strategies=strategies)
-            show = None if vis_engine is None else partial(show_in_window, vis_engine=vis_engine, title=self.spec.name)
-            return BatchSource(ctx.game, place, build, show, functions, differs, builder.edges_before_code())
+            show = open_window = None
+            if vis_engine is not None:
+                show = partial(build, vis_engine=vis_engine)
+                open_window = partial(show_in_window, vis_engine=vis_engine, title=self.spec.name)
+            edges = builder.edges_before_code()
+            return BatchSource(ctx.game, place, build, show, open_window, functions, differs, edges)
         except BaseException:
             ctx.terminate()
             raise
