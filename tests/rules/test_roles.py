@@ -21,10 +21,12 @@ from gamms.rules import (
     resource,
     respawn,
     tag,
+    territory,
 )
 from gamms.scenario import Scenario
 from gamms.scenario.documents import ScenarioError
 from gamms.solve import solve
+from gamms.strategies import stay
 
 sys.path.append(str(Path(__file__).parents[1] / "batch"))
 from batch_scenes import assert_as_alone, assert_as_played
@@ -260,12 +262,36 @@ def test_a_game_with_roles_in_a_batch_is_the_game_alone(first):
     assert "truck" not in taggers
 
 
-def test_attributes_that_a_rule_changes_in_a_batch_count_in_their_game_only():
+OWNED = [
+    {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "territory": "territory", "mutual": True}},
+    {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 15}, "territory": "territory", "goal": 9}},
+]
+GROUND = {"function": "gamms.rules.territory:by_distance", "with": {"bases": [[TRUCK, 0], [DRONES, 3], ["blue", 12]]}}
+
+
+def test_a_game_whose_territory_belongs_to_roles_is_in_a_batch_the_game_alone():
+    scenario = Scenario(**SCENE, rules=OWNED, facts={"territory": GROUND})
+    with scenario.batch(seeds=range(6)) as games:
+        assert games.slow is None
+        games.run()
+        assert_as_played(games, scenario)
+        tags = [event for number in range(6) for event in games.result(number).events if event["kind"] == "tag"]
+    with scenario.build(seed=0) as ctx:
+        owners = ctx.game.facts["territory"]
+    assert {event["agent"] for event in tags} >= {"truck", "d1", "blue_0"}
+    for event in tags:
+        name = event["agent"]
+        owner = {"truck": {"team": "red", "names": ("truck",)}, "d1": DRONES, "d2": DRONES}.get(name, "blue")
+        assert owners[event["node"]] == owner
+
+
+@pytest.mark.parametrize("more", [{"rules": RULES}, {"rules": OWNED, "facts": {"territory": GROUND}}])
+def test_attributes_that_a_rule_changes_in_a_batch_count_in_their_game_only(more):
     def change(ctx):
         if ctx.game.turn == ctx.seed % 5:
             ctx.agent.get_agent("d1").kind = "car"
 
-    scenario = Scenario(**SCENE, rules=RULES)
+    scenario = Scenario(**SCENE, **more)
     with scenario.build(seed=3) as ctx:
         ctx.game.add(change)
         with ctx.game.batch(8) as games, ctx.game.fork(0).ctx as alone:
@@ -281,6 +307,35 @@ def test_only_agents_with_the_role_take_flags_and_bring_them_home(road):
     result = ctx.game.run(9)
     assert [(one["kind"], one["agent"]) for one in result.events] == [("take", "car"), ("capture", "car")]
     assert result.scores == {"red": 1}
+
+
+@pytest.mark.parametrize("is_fact", [False, True])
+def test_only_agents_with_the_role_that_owns_a_node_tag_there(road, is_fact):
+    ctx = road(truck=("red", 3), car=("red", 5), ann=("blue", 3), bob=("blue", 5), spy=("red", 5))
+    heavy = {"team": "red", "where": {"heavy": True}}
+    ground = territory.by_distance(ctx, [(TRUCK, [0, 3]), (heavy, 5)])
+    assert (ground[2], ground[5]) == (TRUCK, heavy)
+    ctx.agent.get_agent("truck").heavy = True
+    ctx.game.add(territory.published(ground))
+    ctx.game.add(tag("red", "blue", territory="territory" if is_fact else ground, then=lambda *_: None))
+    ctx.game.step()
+    assert kinds_of(ctx, "tag") == [("truck", "ann")]
+    ctx.agent.get_agent("car").heavy = True
+    ctx.agent.create_agent("amy", start_node_id=3, team="red", heavy=True)
+    ctx.game.step()
+    assert sorted(kinds_of(ctx, "tag")[1:]) == [("car", "bob"), ("truck", "ann")]
+
+
+def test_a_flag_is_home_on_the_nodes_of_a_role_of_its_carrier(road):
+    ctx = road(truck=("red", 3, 4, 3, 2, 1, 0))
+    ctx.agent.create_team("blue", [])
+    cars = {"team": "red", "names": ["car", "truck"]}
+    ground = territory.halves(ctx, teams=[TRUCK, cars]) | {2: {"team": "blue", "names": ["b"]}, 3: "blue"}
+    ctx.agent.create_agent("car", start_node_id=9, team="red", strategy=stay)
+    ctx.agent.create_agent("b", start_node_id=9, team="blue", strategy=stay)
+    ctx.game.add(capture_flag({"blue": 4}, goal=None, territory=ground))
+    result = ctx.game.run(5)
+    assert [(one["kind"], one["node"], one["turn"]) for one in result.events] == [("take", 4, 1), ("capture", 1, 4)]
 
 
 PRIORITIES = [[TRUCK, "blue", "red"], ["blue", DRONES, "red"], [DRONES, {"team": "blue", "names": ["b"]}, "red"]]
@@ -330,6 +385,10 @@ def test_priorities_of_roles_in_a_file_are_those_of_a_batch(order):
     ],
 )
 def test_files_with_unknown_roles_are_refused(given, message):
+    ground = {"function": "gamms.rules.territory:by_distance", "with": {"bases": [[given, 0], ["blue", 12]]}}
+    with pytest.raises((ScenarioError, TypeError, UnknownName)) as caught:
+        Scenario(**SCENE, facts={"territory": ground}).check()
+    assert message.rpartition(": ")[2] in str(caught.value)
     with pytest.raises((ScenarioError, TypeError, UnknownName)) as caught:
         Scenario(**SCENE, rules=[{"rule": "tag", "with": {"taggers": given, "tagged": "blue"}}]).check()
     assert message in str(caught.value)

@@ -57,7 +57,7 @@ def test_impossible_arguments_are_refused(road):
         territory.halves(ctx, "z")
     with pytest.raises(KeyError, match="node"):
         territory.by_distance(ctx, {"red": 77})
-    with pytest.raises(TypeError, match="bases must be a mapping"):
+    with pytest.raises(TypeError, match="bases has 1, which must be a pair"):
         territory.by_distance(ctx, [1, 2])
     with pytest.raises(TypeError, match="territory must be a mapping"):
         territory.published([1, 2])

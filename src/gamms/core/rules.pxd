@@ -104,13 +104,23 @@ cdef class Tags:
     cpdef int make_room(self, i64 room) except -1 with gil
     cdef int begin(self) except -1 nogil
     @cython.locals(is_anywhere=bint, place=i64, contact=i64, a=i64, b=i64, ways=i64, row=i64)
-    cdef int add(self, Contacts found, i64 tagging, bint mutual, const i64[::1] owners, const i64[::1] team) except -1 nogil
+    cdef int add(self, Contacts found, i64 tagging, bint mutual, Territory ground, const i64[::1] team) except -1 nogil
     @cython.locals(one=i64, other=i64, place=i64)
     cdef int _merge(self) except -1 nogil
     cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
     @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
     cdef Py_ssize_t match(self) except -1 nogil
     cdef int _make(self, i64 tag, i64 row, i64 tagger, i64 other, i64 node) except -1 nogil
+
+
+@cython.final
+cdef class Territory:
+    cdef const i64[::1] owners, holders
+    cdef i64 agents
+    cdef bint is_empty
+
+    @cython.locals(owner=i64)
+    cdef bint is_own(self, i64 node, i64 agent, i64 team) except -1 nogil
 
 
 @cython.final
@@ -122,7 +132,7 @@ cdef class Tagging:
     cdef double limit, points
     cdef bint mutual, is_last, ends
     cdef const i64[::1] plays
-    cdef public const i64[::1] owners
+    cdef public Territory ground
     cdef i64[::1] sides
 
     cpdef Py_ssize_t find(self, GameColumns games, i64 game) except -1 nogil
@@ -141,7 +151,7 @@ cdef class Flags:
     cdef double points
     cdef const i64[::1] team, base, home, takes
     cdef const i64[::1] members
-    cdef public const i64[::1] owners
+    cdef public Territory ground
     cdef const u64[::1] names, purposes
     cdef i64[::1] carriers, stops, captures
     cdef double[::1] taken
@@ -163,8 +173,8 @@ cdef class Flags:
     cdef double _next_moment(self, MotionIntervals pieces, double now) except? -1.0 nogil
     @cython.locals(row=i64, agent=i64, place=i64, piece=i64, team=i64)
     cdef int _capture(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
-    @cython.locals(agent=i64, found=bint)
-    cdef bint _is_home(self, GameColumns games, i64 game, i64 team, i64 node) except -1 nogil
+    @cython.locals(agent=i64, found=bint, team=i64)
+    cdef bint _is_home(self, GameColumns games, i64 game, i64 carrier, i64 node) except -1 nogil
     @cython.locals(row=i64, taker=i64, least=u64, bits=u64, first=u64, place=i64, piece=i64, agent=i64)
     cdef int _take(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(flag=i64, found=bint)

@@ -474,27 +474,26 @@ class Tags:
         self.run = 0
         return 0
 
-    def add(self, found: Contacts, tagging: int, mutual: bool, owners: memoryview[int], team: memoryview[int]) -> int:
+    def add(self, found: Contacts, tagging: int, mutual: bool, ground: Territory, team: memoryview[int]) -> int:
         """Add the contacts of a tagging that can make tags, in their order.
 
         Args:
             found: the contacts.
             tagging: the number of the tagging, greater than the previous ones.
             mutual: whether agents of the second side also tag agents of the first.
-            owners: (nodes,) the team of each node; an agent is tagged only on a node of the tagger's team. Empty:
-                anywhere.
+            ground: the territory; an agent is tagged only on a node that the tagger owns. Empty: anywhere.
             team: (agents,) the team of each agent.
         """
         self.run = self.count
-        is_anywhere = len(owners) == 0
+        is_anywhere = ground.is_empty
         for place in range(found.kept):
             contact = found.order[place]
             a = found.a[contact]
             b = found.b[contact]
             ways = 0
-            if is_anywhere or owners[found.b_nodes[contact]] == team[a]:
+            if is_anywhere or ground.is_own(found.b_nodes[contact], a, team[a]):
                 ways = 1
-            if mutual and (is_anywhere or owners[found.a_nodes[contact]] == team[b]):
+            if mutual and (is_anywhere or ground.is_own(found.a_nodes[contact], b, team[b])):
                 ways += 2
             if ways == 0:
                 continue
@@ -575,6 +574,29 @@ class Tags:
         return 0
 
 
+class Territory:
+    """The owners of nodes: teams, or roles of some agents of a team.
+
+    Args:
+        owners: (nodes,) the number of a team, -1: nobody's, or -2 - number of a role. Empty: there is no territory.
+        holders: (roles * agents,) whether each agent has each role.
+        agents: the number of agents for which `holders` has room.
+    """
+
+    def __init__(self, owners: memoryview[int], holders: memoryview[int], agents: int) -> None:
+        self.owners = owners
+        self.holders = holders
+        self.agents = agents
+        self.is_empty = len(owners) == 0
+
+    def is_own(self, node: int, agent: int, team: int) -> bool:
+        """Return whether a node belongs to the team of an agent, or to a role that the agent has."""
+        owner = self.owners[node]
+        if owner >= -1:
+            return owner == team
+        return self.holders[(-2 - owner) * self.agents + agent] != 0
+
+
 class Tagging:
     """One tag rule, in a chain of all tag rules of a game.
 
@@ -585,7 +607,7 @@ class Tagging:
         plays: (agents,) 1: taggers; 2: agents that can be tagged; 3: both; 0: neither.
         sides: (agents,) the sides of the tracks; written before each search.
         mutual: see `Tags.add`.
-        owners: see `Tags.add`.
+        ground: see `Tags.add`.
         then: the effect on tagged agents: `NOTHING`, `RESPAWN`, `ELIMINATE` or `FUNCTION`.
         points: the points for the tagger's team.
         ends: whether a tag ends the game.
@@ -601,7 +623,7 @@ class Tagging:
         sides: memoryview[int],
         *,
         mutual: bool,
-        owners: memoryview[int],
+        ground: Territory,
         then: int,
         points: float,
         ends: bool,
@@ -613,7 +635,7 @@ class Tagging:
         self.plays = plays
         self.sides = sides
         self.mutual = mutual
-        self.owners = owners
+        self.ground = ground
         self.then = then
         self.points = points
         self.ends = ends
@@ -668,7 +690,7 @@ class Tagging:
     def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
         """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
         if self.find(games, game) > 0:
-            tags.add(self.contacts, number, self.mutual, self.owners, games.team)
+            tags.add(self.contacts, number, self.mutual, self.ground, games.team)
         if not self.is_last:
             self.behind.collect(tags, games, game, number + 1)  # type: ignore[union-attr] # it is not the last
         return 0
@@ -708,7 +730,7 @@ class Flags:
         team: (flags,) the owner of each flag; -1: no agent is in its team.
         base: (flags,) the node of each flag.
         home: (teams,) the base of each team; -1: none, then its home is each node where one of its agents started.
-        owners: (nodes,) the team for which each node is home, as an alternative to `home`. Empty: not used.
+        ground: the territory; each node that an agent owns is home, as an alternative to `home`. Empty: not used.
         takes: (agents,) the team of each agent; -1: it takes no flags, because it has no team or flies.
         names: (agents,) the keys of their names.
         purposes: (games * flags,) the keys of the draws that choose between agents at a base.
@@ -729,7 +751,7 @@ class Flags:
         team: memoryview[int],
         base: memoryview[int],
         home: memoryview[int],
-        owners: memoryview[int],
+        ground: Territory,
         takes: memoryview[int],
         names: memoryview[int],
         purposes: memoryview[int],
@@ -745,7 +767,7 @@ class Flags:
         self.team = team
         self.base = base
         self.home = home
-        self.owners = owners
+        self.ground = ground
         self.takes = takes
         self.names = names
         self.purposes = purposes
@@ -801,7 +823,7 @@ class Flags:
     def _may_be_home(self, games: GameColumns, game: int, agent: int) -> bool:
         """Return whether an agent is on the base of its team, or its home is not a single base."""
         team = self.takes[agent]
-        if team < 0 or len(self.owners) > 0 or self.home[team] < 0:
+        if team < 0 or not self.ground.is_empty or self.home[team] < 0:
             return True
         return games.node[games.row_of(game, agent)] == self.home[team]
 
@@ -882,7 +904,7 @@ class Flags:
             piece = pieces.order[place]
             if pieces.agents[piece] != agent or pieces.since[piece] != now:
                 continue
-            if self._is_home(games, game, self.takes[agent], pieces.nodes[piece]):
+            if self._is_home(games, game, agent, pieces.nodes[piece]):
                 team = game * games.teams + self.takes[agent]
                 events.put(game, games.turn[game], rule, CAPTURE, agent, flag, pieces.nodes[piece])
                 games.score[team] += self.points
@@ -891,10 +913,11 @@ class Flags:
                 return 0
         return 0
 
-    def _is_home(self, games: GameColumns, game: int, team: int, node: int) -> bool:
-        """Return whether a node is home for a team."""
-        if len(self.owners) > 0:
-            return self.owners[node] == team
+    def _is_home(self, games: GameColumns, game: int, carrier: int, node: int) -> bool:
+        """Return whether a node is home for an agent that takes flags."""
+        team = self.takes[carrier]
+        if not self.ground.is_empty:
+            return self.ground.is_own(node, carrier, team)
         if self.home[team] >= 0:
             return self.home[team] == node
         found = False

@@ -36,6 +36,11 @@ class Role:
         parts += [f"{name}={value}" for name, value in self.where]
         return "/".join(parts)
 
+    def as_plain(self) -> dict[str, Plain]:
+        """Return the mapping from which `as_team_or_role` makes this role."""
+        names = {} if self.names is None else {"names": sorted(self.names)}
+        return {"team": self.team, **names, **({"where": dict(self.where)} if self.where else {})}
+
     def fits(self, name: str, type: AgentType, attributes: Mapping[str, Any]) -> bool:
         """Return whether an agent of the team has this role, given its name, type and attributes."""
         if self.names is not None and name not in self.names:
@@ -141,6 +146,20 @@ def _as_attributes(where: object) -> tuple[tuple[str, Plain], ...]:
         if not isinstance(value, _SCALARS):
             raise BadType(f"where[{shown(name)}] must be a text, a number or a bool, not {shown(value)}.")
     return tuple(sorted((as_name(name, "an attribute"), value) for name, value in known.items()))
+
+
+def read_owner(owner: object) -> Any:  # Any: a team, or a `Role`
+    """Return a team, or the role of a mapping.
+
+    Raises:
+        BadType, BadValue, UnknownName (KeyError): a mapping is no role.
+    """
+    return as_team_or_role(owner) if isinstance(owner, Mapping) else owner
+
+
+def find_roles(owners: Iterable[object]) -> list[Role]:
+    """Return the roles among several owners, each once; see `read_owner`."""
+    return [*dict.fromkeys(one for one in map(read_owner, owners) if isinstance(one, Role))]
 
 
 def get_team(member: Hashable) -> Hashable:

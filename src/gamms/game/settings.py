@@ -390,6 +390,7 @@ class RuleSpec:
         keeps: the shape of `ctx.game.data` from which the rule can go on; None: any. It is checked when the rule is
             added, and when a recording is resumed.
         reads: the shape of `ctx.game.facts` that the rule can read; checked like `keeps`.
+        reads_owners: the names of facts with owners of nodes, which may be roles, that the rule reads.
         act_as_one: makes one rule from the `parts` of all rules of a phase with the same function here; it is called in
             place of the first of them.
         parts: the parts for `act_as_one`.
@@ -429,6 +430,7 @@ class RuleSpec:
     key: str | None = None
     keeps: Shape | None = None
     reads: Shape | None = None
+    reads_owners: Collection[str] = ()
     act_as_one: Callable[[Sequence[Any]], Rule] | None = None
     parts: Sequence[Any] = ()
     finds: object = None

@@ -519,8 +519,8 @@ def refuse_modes(legal: str, agents: Iterable[tuple[str, str | None]]) -> None:
         if legal == "any" and mode is not None:
             raise BadValue(
                 f"Agent {shown(name)} has mode={mode!r}, which says which edges it may use, and with ctx.game.legal = "
-                "'any' moves use no edges: leave out mode=, or leave legal='edges'. There, a rule can put some agents "
-                "on any node: ctx.game.respawn(agent, node)."
+                "'any' moves use no edges: leave out mode=, or leave legal='edges'. There, a rule can put an agent on "
+                "any node: ctx.game.respawn(agent, node)."
             )
 
 

@@ -18,7 +18,7 @@ from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, in_core
 from gamms.rules.meetings import GameRule, player_of
-from gamms.rules.territory import Colors, Territory, as_territory, owners_of, shapes_of_grounds
+from gamms.rules.territory import Colors, Territory, as_territory, owners_of, roles_of, shapes_of_grounds
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -53,7 +53,8 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
 
     Args:
         flags: team -> node of the base of its flag. Teams without a flag may take other flags.
-        territory: node -> team, or the name of a fact with this mapping: home is every node of the carrier's team.
+        territory: node -> team or role, or the name of a fact with this mapping: home is every node of the carrier's
+            team, or of a role that the carrier has.
         None: home is the base of the team's own flag; for a team without a flag, any node on which one of its agents
             began.
         goal: number of captures that wins the game; if two teams reach it at the same time, the game is a draw. None:
@@ -97,7 +98,7 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
         capture_flag,
         RuleSpec(
             prepare=game.prepare,
-            teams=sorted(game.teams or (), key=str),
+            teams=[*sorted(game.teams or (), key=str), *roles_of(game.ground)],
             owners=[*dict.fromkeys((*game.bases, *owners_of(game.ground)))],
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),
@@ -111,6 +112,7 @@ def capture_flag(  # noqa: PLR0913 - all that a rule is, in one call
             show_arrays=game.show_arrays,
             keeps=at((game.key,), game.shape),
             reads=record({}, {**grounds, game.key: _ANNOUNCED} if game.announce else grounds),
+            reads_owners=[*grounds],
         ),
     )
 

@@ -37,7 +37,7 @@ from gamms.game.deeds import list_lasting
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import GamePaths, ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
-from gamms.game.roles import has_attributes
+from gamms.game.roles import Role, has_attributes
 from gamms.game.turn import TurnEngine
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
@@ -274,7 +274,7 @@ class GameRules(RuleBuilder):
         self.kept: dict[Hashable, GameRule] = {}
         self._making: GameRule | None = None
         self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
-        self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
+        self._owners: dict[int, tuple[Any, Any, list[Role]]] = {}  # id of a territory -> it, the owners, the roles
 
     @property
     def roster(self) -> AgentTable:
@@ -385,21 +385,21 @@ class GameRules(RuleBuilder):
         self._in_each_turn(call)
         return found.data
 
-    def owners(self, ground: Ground | None) -> Any:
-        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+    def territory(self, ground: Ground | None) -> rules.Territory:
+        """Return the owners of nodes; empty without a territory (None)."""
         if ground is None:
-            return column("q")
-        territory = ground.of(self.turn.game.state.facts)
+            return rules.Territory(column("q"), column("q"), 0)
+        facts = self.turn.game.state.facts
+        territory = ground.of(facts)
         known = self._owners.get(id(territory))
         if known is None:
-            teams = {team: number for number, team in enumerate(self.roster.teams)}
-            nodes = [node for node, team in territory.items() if team in teams]
+            nodes, numbers, roles = ground.number_owners(facts, self.roster.teams)
             rows = self.rows(nodes)
             owners = np.full(self.num_nodes, -1)
-            owners[rows] = [teams[territory[node]] for node in nodes]
-            known = territory, owners.data
+            owners[rows] = numbers
+            known = territory, owners.data, roles
             self._owners[id(territory)] = known
-        return known[1]
+        return rules.Territory(known[1], self.find_holders(known[2]), self.room)
 
     def near(self, nearness: ContactOptions) -> Near:
         """Return the distances between agents that count as contacts; `follow_places` sets straight lines."""
@@ -428,9 +428,9 @@ class GameRules(RuleBuilder):
         self._in_each_turn(lambda ctx: self.turn.roster.take_scores(ctx.game.scores))
 
     def follow(self, rule: Flags | Tagging, ground: Ground | None) -> None:
-        """Keep the owners of nodes in a rule up to date, if the territory is a fact."""
-        if ground is not None and isinstance(ground.given, str):
-            self._in_each_turn(lambda _: setattr(rule, "owners", self.owners(ground)))
+        """Keep the owners of nodes in a rule up to date, if the territory is a fact, or owners are roles."""
+        if ground is not None and (isinstance(ground.given, str) or ground.roles):
+            self._in_each_turn(lambda _: setattr(rule, "ground", self.territory(ground)))
 
     def follow_places(
         self, tagging: Tagging, nearness: ContactOptions, near: Near, sides: tuple[Any, Any], search: ContactSearch

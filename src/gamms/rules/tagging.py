@@ -21,7 +21,14 @@ from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import GameRule, Side, player_of
-from gamms.rules.territory import Territory, TerritorySource, as_territory, owners_of, shapes_of_grounds
+from gamms.rules.territory import (
+    Territory,
+    TerritorySource,
+    as_territory,
+    owners_of,
+    roles_of,
+    shapes_of_grounds,
+)
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
@@ -74,8 +81,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         passing: whether agents also meet on their way; False: only where they are at the end of the turn.
         then: "respawn" at its start, "eliminate", or a function `(ctx, tagger, tagged)`.
         score: points for the tagger's team.
-        territory: node -> team, or the name of a fact with this mapping: an agent can be tagged only at a node of the
-            tagger's team.
+        territory: node -> team or role, or the name of a fact with this mapping: an agent can be tagged only at a node
+            of the tagger's team, or of a role that the tagger has.
         mutual: whether both agents of a pair are tagged; with a territory, only the agent on the other's territory.
         ends: whether a tag ends the game: the tagger's team wins; if agents of several teams tag in this turn, no team
             does.
@@ -127,7 +134,10 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
         tag,
         RuleSpec(
             drawer=render_tags,
-            teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
+            teams=[
+                *(side for tagging in taggings for side in tagging.sides if not callable(side)),
+                *(role for tagging in taggings for role in roles_of(tagging.ground)),
+            ],
             owners=list(dict.fromkeys(owner for tagging in taggings for owner in owners_of(tagging.ground))),
             may_create_agents=any(callable(tagging.then) for tagging in taggings),
             act_as_one=_rule_of,
@@ -138,6 +148,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             uses_scores=True,
             needs_ground=any(tagging.nearness.unit == "euclid" for tagging in taggings),
             reads=record({}, shapes_of_grounds(tagging.ground for tagging in taggings)),
+            reads_owners=[*shapes_of_grounds(tagging.ground for tagging in taggings)],
         ),
     )
 

@@ -1,4 +1,4 @@
-"""Territories: mappings from nodes to the teams that own them, published by a game as facts."""
+"""Territories: mappings from nodes to the teams or roles that own them, published by a game as facts."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from math import inf
@@ -9,10 +9,10 @@ import numpy as np
 from gamms.arguments import as_choice, as_known, as_name, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.movement.streets import StreetGraph
+from gamms.game.roles import Role, as_team_or_role, find_roles, get_team, read_owner
 from gamms.game.settings import RuleSpec, declared
-from gamms.ir.graph import IntArray, as_node_id
-from gamms.plain import ANYTHING, ID, NAME, Shape, at, dict_of
+from gamms.ir.graph import as_node_id
+from gamms.plain import ANYTHING, ID, NAME, TEXT, Shape, at, dict_of, either
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.text import shown
@@ -24,33 +24,30 @@ __all__ = ["by_distance", "halves", "published"]
 
 _AXES = ("x", "y")
 
-Territory = Mapping[int, Hashable]  # node id -> team
+Territory = Mapping[int, Any]  # node id -> team, or a role as a mapping
+Bases = Annotated[Mapping[Any, NodeId | Iterable[NodeId]] | Iterable[tuple[Any, NodeId | Iterable[NodeId]]], OWNERS]
 Colors = Mapping[Any, ColorType]  # team -> color
 
 
-def by_distance(
-    ctx: Context, bases: Annotated[Mapping[Any, NodeId | Iterable[NodeId]], OWNERS], weight: str | None = "length"
-) -> dict[int, Hashable]:
-    """Give every node to the team whose base is nearest by road, in the shorter direction.
+def by_distance(ctx: Context, bases: Bases, weight: str | None = "length") -> dict[int, Any]:
+    """Give every node to the team or role whose base is nearest by road, in the shorter direction.
 
     Args:
         ctx: the context.
-        bases: team -> its base, one node or several.
+        bases: team -> its base, one node or several; or a list of pairs of a team or role and its base.
         weight: cost of edges: "length", another attribute of the edges, or None for 1 per edge.
 
     Returns:
-        node -> team; ties go to the first team by text. Nodes without a path to any base are left out.
+        node -> team or role; ties go to the first by text. Nodes without a path to any base are left out.
 
     Raises:
-        UnknownName (KeyError), BadType: a base is not on the map, or the attribute does not exist.
+        UnknownName (KeyError), BadType, BadValue: a base is not on the map, an owner is neither a team nor a role, or
+            the attribute does not exist.
     """
-    if not isinstance(bases, Mapping):
-        raise BadType(f"bases must be a mapping from teams to nodes, not {shown(bases)}.")
     graph = ctx.graph.graph
     nearest = dict[int, float]()
-    owners = dict[int, Hashable]()
-    for team in sorted(bases, key=str):
-        base: object = bases[team]
+    owners = dict[int, Any]()
+    for team, base in _list_bases(bases):
         several = base if isinstance(base, Iterable) and not isinstance(base, str) else [base]
         nodes = [as_node_id(node, f"The base of {shown(team)}", graph) for node in several]
         for distances in (graph.distances(source=nodes, weight=weight), graph.distances(target=nodes, weight=weight)):
@@ -61,25 +58,47 @@ def by_distance(
     return {node: owners[node] for node in graph.get_nodes() if node in owners}
 
 
-def halves(
-    ctx: Context, axis: str = "x", teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
-) -> dict[int, Hashable]:
+def _list_bases(bases: object) -> list[tuple[Any, object]]:
+    """Return the owners and their bases, by the text of the owners."""
+    pairs: object = list(bases.items()) if isinstance(bases, Mapping) else bases
+    if not isinstance(pairs, (list, tuple)):
+        raise BadType(f"bases must be a mapping from teams to nodes, or a list of pairs, not {shown(bases)}.")
+    found = []
+    for pair in pairs:
+        if not isinstance(pair, (list, tuple)) or len(pair) != 2:
+            raise BadType(f"bases has {shown(pair)}, which must be a pair of a team or role and its base.")
+        found.append((as_team_or_role(pair[0], "The owner of a base"), pair[1]))
+    return [(_as_owner(owner), base) for owner, base in sorted(found, key=lambda one: str(one[0]))]
+
+
+def _as_owner(owner: object) -> Any:  # Any: a team, or the mapping of a role
+    """Return a team, or a role as a plain mapping.
+
+    Raises:
+        BadType, BadValue, UnknownName (KeyError): a mapping is no role.
+    """
+    role = read_owner(owner)
+    return role.as_plain() if isinstance(role, Role) else role
+
+
+def halves(ctx: Context, axis: str = "x", teams: Annotated[Iterable[Any] | None, TEAMS] = None) -> dict[int, Any]:
     """Split the map across an axis into halves with nearly equal numbers of nodes.
 
     Args:
         ctx: the context.
         axis: "x" for a western and an eastern half, "y" for a southern and a northern half.
-        teams: owner of the half with the smaller coordinates, then of the other half; None: the two teams of the game,
-            ordered by their text.
+        teams: owner of the half with the smaller coordinates, then of the other half, teams or roles; None: the two
+            teams of the game, ordered by their text.
 
     Returns:
-        node -> team; nodes on the dividing line belong to the second team.
+        node -> team or role; nodes on the dividing line belong to the second one.
 
     Raises:
-        BadValue: the axis does not exist, or there are not two teams.
+        BadType, BadValue, UnknownName (KeyError): the axis does not exist, there are not two owners, or a mapping is no
+            role.
     """
     column = _AXES.index(as_choice(axis, "axis", _AXES))
-    sides = [team for team in ctx.agent.teams if team is not None] if teams is None else list(teams)
+    sides = [team for team in ctx.agent.teams if team is not None] if teams is None else [*map(_as_owner, teams)]
     if len(sides) != 2:
         raise BadValue(f"A map has two halves, but the teams are {sides}. Give halves(…, teams=(west, east)).")
     columns = ctx.graph.columns()
@@ -95,11 +114,15 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
     """Make a rule that publishes a territory to all strategies, and draws it.
 
     Args:
-        nodes: node -> team.
+        nodes: node -> team, or role.
         name: name of the fact: `state["facts"][name]`; other rules use it with `territory=name`.
         colors: team -> color; None: the colors of the agents if none are declared elsewhere.
+
+    Raises:
+        BadType, BadValue, UnknownName (KeyError): the territory is no mapping from nodes to teams and roles.
     """
     territory = _checked(nodes)
+    roles = find_roles(territory.values())
     fact = as_name(name, "a fact")
     owned = _packed(territory)
 
@@ -116,6 +139,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         published,
         RuleSpec(
             prepare=prepare,
+            teams=roles,
             owners=list(owned),
             drawer=TerritoryDrawer(fact, colors),
             disclose=all_know(TERRITORIES, fact),
@@ -130,8 +154,13 @@ class TerritorySource(NamedTuple):
 
     given: Territory | str
 
+    @property
+    def roles(self) -> list[Role]:
+        """The roles that own nodes of a territory that is no fact."""
+        return [] if isinstance(self.given, str) else find_roles(self.given.values())
+
     def of(self, facts: Mapping[str, Any]) -> Territory:
-        """Return node -> team.
+        """Return node -> team, or role.
 
         Raises:
             UnknownName (KeyError): the fact does not exist.
@@ -141,21 +170,26 @@ class TerritorySource(NamedTuple):
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
 
-    def rows(self, facts: Mapping[str, Any], streets: StreetGraph, teams: Sequence[Hashable]) -> IntArray:
-        """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""
-        owners = self.of(facts)
-        numbers = np.full(streets.num_nodes, -1)
-        for row, node in enumerate(streets.columns.node_ids.tolist()):
-            if node in owners and owners[node] in teams:
-                numbers[row] = teams.index(owners[node])
-        return numbers
+    def number_owners(
+        self, facts: Mapping[str, Any], teams: Sequence[Hashable]
+    ) -> tuple[list[int], list[int], list[Role]]:
+        """Return the ids of the nodes with owners, the numbers of these, as in `core.rules.Territory`, and the roles.
+
+        Nodes of teams without agents are left out.
+        """
+        owners = {node: read_owner(owner) for node, owner in self.of(facts).items()}
+        roles = [*dict.fromkeys(one for one in owners.values() if isinstance(one, Role))]
+        number_of: dict[Hashable, int] = {team: number for number, team in enumerate(teams)}
+        number_of |= {role: -2 - number for number, role in enumerate(roles)}
+        nodes = [node for node, owner in owners.items() if owner in number_of]
+        return nodes, [number_of[owners[node]] for node in nodes], roles
 
 
 def as_territory(territory: object) -> TerritorySource | None:
     """Check a territory passed to a rule; None for no territory.
 
     Raises:
-        BadType: neither a mapping from nodes to teams nor the name of a fact.
+        BadType, BadValue, UnknownName (KeyError): neither a mapping from nodes to owners nor the name of a fact.
     """
     if territory is None:
         return None
@@ -167,27 +201,35 @@ def shapes_of_grounds(grounds: Iterable[TerritorySource | None]) -> dict[str, Sh
     return {one.given: _OWNERS for one in grounds if one is not None and isinstance(one.given, str)}
 
 
-_OWNERS = dict_of(ID, NAME)
+_OWNERS = dict_of(ID, either(NAME, dict_of(TEXT, ANYTHING)))
 
 
 def owners_of(source: TerritorySource | None) -> list[Hashable]:
-    """Return the owners in a territory that is given as a mapping, each once; none for other territories."""
-    return [] if source is None or isinstance(source.given, str) else [*dict.fromkeys(source.given.values())]
+    """Return the teams of the owners in a territory that is given as a mapping, each once; else none."""
+    if source is None or isinstance(source.given, str):
+        return []
+    return [*dict.fromkeys(get_team(read_owner(owner)) for owner in source.given.values())]
 
 
-def _checked(territory: object) -> dict[int, Hashable]:
+def roles_of(source: TerritorySource | None) -> list[Role]:
+    """Return the roles that own nodes of a territory that is given as a mapping; none for other territories."""
+    return [] if source is None else source.roles
+
+
+def _checked(territory: object) -> dict[int, Any]:
     if not isinstance(territory, Mapping):
         raise BadType(
             "A territory must be a mapping from nodes to teams, or the name of a published one, "
             f"not {shown(territory)}."
         )
-    return {as_node_id(node, "A node of a territory"): team for node, team in territory.items()}
+    return {as_node_id(node, "A node of a territory"): _as_owner(owner) for node, owner in territory.items()}
 
 
-def _packed(territory: Mapping[int, Hashable]) -> dict[Hashable, str]:
-    """Return the node ids of each team, as text."""
+def _packed(territory: Territory) -> dict[Hashable, str]:
+    """Return the node ids of each team and of its roles, as text."""
     owned: dict[Hashable, list[int]] = {}
-    for node, team in territory.items():
+    for node, owner in territory.items():
+        team = get_team(read_owner(owner))
         if team is not None:
             owned.setdefault(team, []).append(node)
     return {team: as_text(np.array(sorted(nodes), np.int64)) for team, nodes in owned.items()}

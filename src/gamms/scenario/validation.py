@@ -238,6 +238,7 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
             continue
         is_several = isinstance(given, (dict, list)) and ("team" in spec.teams or not is_role(given))
         listed: Any = given if is_several else [given]
+        listed = [one[0] if isinstance(one, list) and one else one for one in listed]  # pairs of owners and bases
         for number, role in enumerate(listed):
             if isinstance(role, dict):
                 _check_role(role, spec, path if role is given else joined(path, number))

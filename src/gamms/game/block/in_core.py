@@ -15,7 +15,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
-from gamms.core.rules import Flags, Tagging, Visitors
+from gamms.core.rules import Flags, Tagging, Territory, Visitors
 from gamms.errors import BadValue, NoPath
 from gamms.game.block.columns import AgentTable, PlayedGame, decider_of, kept_in, mode_of
 from gamms.game.block.state import Arrays, CoreEvents, GameArrays, GameRow, Purpose, fits_float
@@ -33,9 +33,8 @@ from gamms.game.conflicts import Conflicts, ConflictTable, flat, make_tables, ra
 from gamms.game.movement.arrivals import NO_DEEDS, WAITS, AgentsUnderWay
 from gamms.game.movement.courses import Courses, Paths, paths_in_parts
 from gamms.game.movement.roads import OpenRoads, RoadTables
-from gamms.game.movement.streets import StreetGraph
 from gamms.game.movement.travel import ReachableNodes, no_way
-from gamms.game.roles import get_team, has_attributes
+from gamms.game.roles import Role, find_roles, get_team, has_attributes
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.agents import Position
@@ -112,14 +111,20 @@ class Ground(Protocol):
     """A territory; see `gamms.rules.territory.TerritorySource`."""
 
     @property
-    def given(self) -> Mapping[int, Hashable] | str:
+    def given(self) -> Mapping[int, object] | str:
         """The territory, or the name of a fact."""
 
-    def of(self, facts: Mapping[str, Any]) -> Mapping[int, Hashable]:
+    @property
+    def roles(self) -> list[Role]:
+        """The roles that own nodes of a territory that is no fact."""
+
+    def of(self, facts: Mapping[str, Any]) -> Mapping[int, object]:
         """Return the territory."""
 
-    def rows(self, facts: Mapping[str, Any], streets: StreetGraph, teams: Sequence[Hashable]) -> IntArray:
-        """Return the numbers of the teams that own the nodes, (nodes,)."""
+    def number_owners(
+        self, facts: Mapping[str, Any], teams: Sequence[Hashable]
+    ) -> tuple[list[int], list[int], list[Role]]:
+        """Return the ids of nodes with owners, the numbers of these, as in `core.rules.Territory`, and the roles."""
 
 
 class RuleBuilder(ABC):
@@ -227,8 +232,16 @@ class RuleBuilder(ABC):
         """Return the keys of draws for several purposes, (games * purposes,)."""
 
     @abstractmethod
-    def owners(self, ground: Ground | None) -> Any:
-        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+    def territory(self, ground: Ground | None) -> Territory:
+        """Return the owners of nodes; empty without a territory (None)."""
+
+    def find_holders(self, roles: Sequence[Role]) -> Any:
+        """Return whether each agent has each role, (roles * room,)."""
+        found = np.zeros((len(roles), self.room), np.int64)
+        for number, role in enumerate(roles):
+            has_role = self.roster.plays_for([role])
+            found[number, : len(has_role)] = has_role
+        return flat(found, np.int64)
 
     @abstractmethod
     def near(self, nearness: ContactOptions) -> Near:
@@ -361,17 +374,23 @@ class BatchRules(RuleBuilder):
         """Return the keys of draws for several purposes, (games * purposes,)."""
         return memory_of(self.state.several_purposes(*several))
 
-    def owners(self, ground: Ground | None) -> Any:
-        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+    def territory(self, ground: Ground | None) -> Territory:
+        """Return the owners of nodes; empty without a territory (None)."""
         state = self.state
         if ground is None:
-            return ints(0)
-        owners = ground.of(state.facts)
+            return Territory(ints(0), ints(0), 0)
+        territory = ground.of(state.facts)
 
-        def make() -> tuple[object, IntArray]:
-            return owners, ground.rows(state.facts, state.streets, state.roster.teams)
+        def make() -> tuple[object, IntArray, list[Role]]:
+            nodes, numbers, roles = ground.number_owners(state.facts, state.roster.teams)
+            columns = state.streets.columns
+            rows = kernels.rows_of(columns.node_ids, np.array(nodes, np.int64), columns.node_order)
+            owners = np.full(len(columns.node_ids), -1)
+            owners[rows[rows >= 0]] = np.array(numbers, np.int64)[rows >= 0]
+            return territory, owners, roles
 
-        return flat(kept_in(state.shared, ("territory", id(owners)), make)[1], np.int64)
+        _, owners, roles = kept_in(state.shared, ("territory", id(territory)), make)
+        return Territory(flat(owners, np.int64), self.find_holders(roles), self.room)
 
     def near(self, nearness: ContactOptions) -> Near:
         """Return the distances between agents that count as contacts."""
@@ -746,6 +765,12 @@ def is_function(rule: NamedRule) -> bool:
     return rule.spec.is_array_function or rule.spec.core_form is None
 
 
+def _find_owners(game: PlayedGame, rule: NamedRule) -> list[Role]:
+    """Return the roles that own nodes in facts that a rule reads."""
+    facts = [game.facts.get(name) for name in rule.spec.reads_owners]
+    return [role for fact in facts if isinstance(fact, Mapping) for role in find_roles(fact.values())]
+
+
 def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; some have no core form where agents fly, or may change."""
     called = as_called(game.rules)
@@ -757,7 +782,7 @@ def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
         and (
             not are_exact
             or (some_fly and one.spec.needs_ground)
-            or not (are_fixed or not has_attributes(one.spec.teams))
+            or not (are_fixed or not has_attributes([*one.spec.teams, *_find_owners(game, one)]))
         )
         for one in called
     ]
