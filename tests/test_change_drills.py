@@ -518,7 +518,7 @@ import json
 class LinesEncoder:
     """Writes the moves of each turn in a line."""
 
-    has_drawings = False
+    holds_looks_and_drawings = False
     is_current = True
     values = blocks = 0
 

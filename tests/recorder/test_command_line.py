@@ -262,7 +262,7 @@ def test_tables_become_csv_files(tmp_path):
     game = played(tmp_path / "game.ggr", change=change)
     done = run("convert", game, tmp_path / "t.csv")
     assert done.exit_code == 0
-    names = {"moves", "scores", "events", "seen", "odd"}
+    names = {"moves", "scores", "events", "seen", "odd", "sensed"}
     assert {path.name for path in tmp_path.glob("*.csv")} == {f"t_{name}.csv" for name in {*names, "tracks"}}
     assert all(f"t_{name}.csv" in done.stdout for name in names)
     with recorder.open(game) as recording:

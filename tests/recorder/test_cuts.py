@@ -189,8 +189,8 @@ def test_a_team_that_is_not_there_is_named(team):
 
 
 def test_what_was_not_sensed_cannot_be_cut(tmp_path):
-    (tmp_path / "game.ggr").write_bytes(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid()))
-    with opened(tmp_path / "game.ggr") as recording, pytest.raises(BadValue, match="sensed=True"):
+    (tmp_path / "game.ggr").write_bytes(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(), sensed=False))
+    with opened(tmp_path / "game.ggr") as recording, pytest.raises(BadValue, match="sensed=False"):
         recording.cut(tmp_path / "red.ggr", "red")
     assert [file.name for file in tmp_path.iterdir()] == ["game.ggr"]
 

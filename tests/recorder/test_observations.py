@@ -140,13 +140,33 @@ def test_sensing_changes_nothing_by_being_recorded(game):
     recording, _ = game
     stream = io.BytesIO()
     with build({}) as ctx:
-        ctx.record.start(stream)
+        ctx.record.start(stream, sensed=False)
         ctx.game.run(8)
         ctx.record.stop()
     with recorder.open(io.BytesIO(stream.getvalue())) as other:
         assert np.array_equal(other.table("moves")["node"], recording.table("moves")["node"])
         with pytest.raises(BadValue, match="sensed=True"):
             other.observation(3, "walker_0")
+
+
+@pytest.mark.parametrize(("sensed", "turns"), [(None, [3, 4]), (True, [1, 2, 3, 4]), (False, [])])
+def test_reports_are_recorded_once_an_agent_carries_a_sensor_unless_they_are_left_out(sensed, turns):
+    stream = io.BytesIO()
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
+        for node in (0, 1):
+            ctx.agent.create_agent(f"a{node}", start_node_id=node, strategy=gamms.strategies.random_walk)
+        near = ctx.sensor.create_sensor("near", SensorType.RANGE, sensor_range=15.0)
+        ctx.record.start(stream, sensed=sensed)
+        ctx.game.run(2)
+        ctx.agent.get_agent("a0").register_sensor("near", near)
+        ctx.game.run(2)
+        ctx.record.stop()
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        assert [turn + 1 for turn, *_ in recording.reader.events(kinds={kinds.SENSED})] == turns
+        if turns:
+            assert set(recording.table("sensed")["turn"]) == {3, 4}
+            assert list(recording.observation(3, "a0")["sensor"]) == ["near"]
 
 
 def test_what_was_not_observed_is_refused(game):

@@ -58,7 +58,7 @@ def played(turns=8, **options):
         ctx.agent.create_agent("kite", start_node_id=8, type=1, speed=5.0, strategy=fly)
         ctx.game.scores["red"] = 1
         stream, states = io.BytesIO(), []
-        ctx.record.start(stream, **options)
+        ctx.record.start(stream, sensed=False, **options)
         ctx.game.add(tag)
         ctx.visual.after_turn.append(lambda: states.append(captured(ctx)))
         states.append(captured(ctx))

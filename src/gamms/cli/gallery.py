@@ -146,7 +146,7 @@ def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path, *, i
     """Play a game, save its result and recording in a folder, and write the page that replays it."""
     from gamms import recorder
 
-    with game.build(seed) as ctx, recorded(ctx, folder, sensed=True, is_kept=is_kept) as recording:
+    with game.build(seed) as ctx, recorded(ctx, folder, is_kept=is_kept) as recording:
         result = ctx.game.run(progress=True)
     result.save(without_link(folder / "result.json"))
     with recorder.open(recording) as whole:

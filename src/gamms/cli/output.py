@@ -187,8 +187,8 @@ def write_page(file: Path, page: bytes) -> None:
 
 
 @contextmanager
-def recorded(ctx: "Context", folder: Path, *, sensed: bool = False, is_kept: bool = True) -> Iterator[Path]:
-    """Record a game into a folder, optionally with sensor data; replace an earlier recording there.
+def recorded(ctx: "Context", folder: Path, *, sensed: bool | None = None, is_kept: bool = True) -> Iterator[Path]:
+    """Record a game into a folder, with sensor data unless these are left out; replace an earlier recording there.
 
     After Ctrl-C, a line says up to which turn it goes, unless the folder is removed then (not `is_kept`).
     """

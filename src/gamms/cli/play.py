@@ -79,7 +79,7 @@ def demo(
     with game.build(seed) as ctx:
         check_ways(ctx)
         with ExitStack() as making:
-            recording = making.enter_context(recorded(ctx, out, sensed=True))
+            recording = making.enter_context(recorded(ctx, out))
             film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
         played.save(without_link(out / "result.json"))
@@ -222,7 +222,7 @@ def _play_one(
             making.enter_context(made_folder(out))  # the film may be there
             if film is not None:  # if refused, then before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
-            recording = making.enter_context(recorded(ctx, out, sensed=sensed))
+            recording = making.enter_context(recorded(ctx, out, sensed=None if sensed else False))
             result = ctx.game.run(progress=True)
         result.save(without_link(out / "result.json"))
         _draw_scenery(game, ctx)

@@ -323,7 +323,7 @@ class Game(Surface, RuleVerbs):
         progress: bool = False,
         *,
         record: str | os.PathLike[str] | BinaryIO | None = None,
-        sensed: bool = False,
+        sensed: bool | None = None,
     ) -> Result:
         """Play until a rule ends the game, or for a number of turns; log errors of strategies and suspicious names.
 
@@ -334,17 +334,17 @@ class Game(Surface, RuleVerbs):
             max_turns: the number of turns to play; None: until the total of the settings is reached.
             progress: show the progress on stderr, if it is a terminal.
             record: the file of a recording of these turns; an existing file is replaced. None: nothing is recorded.
-            sensed: whether the recording contains the sensor reports of agents, which pages show.
+            sensed: whether the recording contains the sensor reports of agents; see `ctx.record.start`.
 
         Raises:
-            BadValue: nothing can ever end this game, or `sensed` is given without `record`.
+            BadValue: nothing can ever end this game, or `sensed` is True without `record`.
                 IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         self._refuse_in_turn("run")
         turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
-        if as_bool(sensed, "sensed") and record is None:
+        if sensed is not None and as_bool(sensed, "sensed") and record is None:
             raise BadValue("Sensor reports are part of a recording: give record=, too, or leave sensed= out.")
         last = self.max_turns if turns is None else self.turn + turns
         self._state.last_turn = last

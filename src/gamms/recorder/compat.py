@@ -81,7 +81,7 @@ class Version2Writer:
 class Version2Encoder:
     """Writes recordings for gamms 1.0.0; events that it does not know are left out."""
 
-    has_drawings = False
+    holds_looks_and_drawings = False
     is_current = True
     values = 0  # never due: version 2 has no keyframes
     blocks = 0  # never due: flushed records are final

@@ -574,7 +574,9 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     """
     first = reader.keyframe(0)
     if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
-        raise BadValue("This recording has no sensor data: record with ctx.record.start(…, sensed=True).")
+        raise BadValue(
+            "This recording has no sensor data: it was made with sensed=False, or no agent carries a sensor."
+        )
 
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)

@@ -23,7 +23,7 @@ class Version3Encoder:
         header: function that returns the header of a session.
     """
 
-    has_drawings = True
+    holds_looks_and_drawings = True
 
     def __init__(self, output: Output, header: Callable[[RecordingSession], dict[str, Any]]) -> None:
         self._output = output

@@ -75,6 +75,7 @@ class SessionJournal(Journal):
         names: names of the present agents.
         left_out: warns about values that cannot be written.
         accept: called with each event of a replay.
+        equip: called when an agent gets a sensor.
 
     Attributes:
         living: names of the agents known to the reader, in order of creation.
@@ -82,9 +83,16 @@ class SessionJournal(Journal):
         last_set: the event to which the next attribute change may be added; None: there is none.
     """
 
-    def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
+    def __init__(
+        self,
+        names: list[str],
+        left_out: SkippedValues,
+        accept: Callable[[int, Any], None],
+        equip: Callable[[], None],
+    ) -> None:
         super().__init__(names)
         self._accept = accept
+        self._equip = equip
         self._skipped = left_out
         self.living = dict.fromkeys(names)
         self.weight = 0
@@ -121,6 +129,10 @@ class SessionJournal(Journal):
     def _know(self, kind: int, data: Plain) -> None:
         if kind == kinds.AGENT_CREATE:
             self.living[data["name"]] = None
+            if data["kwargs"].get("sensors"):
+                self._equip()
+        elif kind == kinds.AGENT_SENSOR_REGISTER:
+            self._equip()
         elif kind == kinds.AGENT_DELETE:
             self.living.pop(data["name"], None)
 

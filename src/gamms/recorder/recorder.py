@@ -82,7 +82,7 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         version: int = 3,
         created: int | None = None,
         provenance: Plain = None,
-        sensed: bool = False,
+        sensed: bool | None = None,
         drawings: bool = True,
         embed_graph: bool = True,
         overwrite: bool = False,
@@ -94,7 +94,9 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
             version: 3, or 2 for gamms 1.0.0 (agents and components only).
             created: seconds since 1970 for the header; None: $SOURCE_DATE_EPOCH, or no time.
             provenance: plain values for the header.
-            sensed: whether to record the sensor data of agents in the turns of `ctx.game`, for `Recording.observation`.
+            sensed: whether to record the sensor data of agents in the turns of `ctx.game`, for pages, fog, cuts and
+                `Recording.observation`. Default: None, from the first turn in which an agent carries a sensor. True:
+                from the first turn on. False: not at all, for a smaller and faster recording.
             drawings: whether to record the drawings of artists and rules with custom drawers at the end of each turn,
                 which calls these drawers.
             embed_graph: whether the recording contains the map; otherwise only its SHA-256, and a replay needs the map.
@@ -113,8 +115,11 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         if self._session is not None:
             raise RecorderBusy("A recording is being written already. Call ctx.record.stop() first.")
         options = _checked_options(version, created, provenance)
-        flags = {"sensed": sensed, "overwrite": overwrite, "embed_graph": embed_graph}
-        sensed, overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
+        flags = {"overwrite": overwrite, "embed_graph": embed_graph}
+        overwrite, embed_graph = (as_bool(flag, name) for name, flag in flags.items())
+        with_sensed = None if sensed is None else as_bool(sensed, "sensed")
+        if not ENCODERS[version].holds_looks_and_drawings:
+            with_sensed = False
 
         def header(session: RecordingSession) -> dict[str, Any]:
             found = header_of(self.ctx, session, options) if session.header is None else session.header
@@ -123,8 +128,8 @@ class Recorder(Surface, ComponentNames, ContextPart, IRecorder):
         self._end_watch()
         session = RecordingSession(
             self.ctx,
-            with_sensed=sensed or bool(self._followers),
-            with_drawings=as_bool(drawings, "drawings") and ENCODERS[version].has_drawings,
+            with_sensed=True if self._followers else with_sensed,
+            with_drawings=as_bool(drawings, "drawings") and ENCODERS[version].holds_looks_and_drawings,
         )  # before the file is created: not every map can be written
         target: RecordingTarget | None = None
         try:

@@ -427,7 +427,7 @@ class Recording(Surface, StreamOwner):
 
         Raises:
             UnknownName (KeyError): the team does not exist.
-            BadValue: the recording has no sensor data: `ctx.record.start(…, sensed=True)`.
+            BadValue: the recording has no sensor data.
             FileExistsError, OSError: the file exists, or cannot be written.
             RecordingError (ValueError): the recording is damaged, or does not contain its map.
         """
@@ -448,7 +448,7 @@ class Recording(Surface, StreamOwner):
             agent: name of the agent.
 
         Raises:
-            BadValue: the turn does not exist, or the recording has no sensor data: `ctx.record.start(…, sensed=True)`.
+            BadValue: the turn does not exist, or the recording has no sensor data of it.
             UnknownName (KeyError): no living agent had this name.
             RecordingError (ValueError): the recording is damaged.
         """

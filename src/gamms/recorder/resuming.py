@@ -82,7 +82,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
             raise UnknownName("living agent", agent, before.agents.columns["names"])
         raise BadValue(
             f"This recording has no sensor data of turn {turn}: start it with ctx.record.start(…, sensed=True), "
-            "and play by ctx.game."
+            "which also works without sensors, and play by ctx.game."
         )
     try:
         state: dict[str, Any] = ctx.game.observation(agent)

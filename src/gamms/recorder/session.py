@@ -99,7 +99,7 @@ class RecordingSession:
 
     Args:
         ctx: the context.
-        with_sensed: whether sensor data of agents are written, too.
+        with_sensed: whether sensor data of agents are written, too; None: once an agent carries a sensor.
         with_drawings: whether drawings of custom drawers are written, too.
 
     Attributes:
@@ -113,7 +113,7 @@ class RecordingSession:
         seed: seed of the context at the end of the first turn.
     """
 
-    def __init__(self, ctx: HostContext, *, with_sensed: bool, with_drawings: bool) -> None:
+    def __init__(self, ctx: HostContext, *, with_sensed: bool | None, with_drawings: bool) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # versions of the recorded parts, to detect changes
@@ -376,9 +376,11 @@ class RecordingSession:
 
     def _listen(self) -> SessionJournal:
         """Return a new journal of the context."""
+        if self._with_sensed is None and any(getattr(agent, "sensors", None) for agent in self.ctx.agent.create_iter()):
+            self._with_sensed = True
         block = self.ctx.agent.block
         block.locate()
-        journal = SessionJournal(block.names, self._skipped, self._accept)
+        journal = SessionJournal(block.names, self._skipped, self._accept, self._note_equipment)
         block.journal = journal
         for callbacks, callback in self._callbacks():
             callbacks.append(callback)
@@ -389,6 +391,12 @@ class RecordingSession:
         internals = self.ctx.game.internals
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
         return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
+
+    def _note_equipment(self) -> None:
+        """Record sensor data from now on, unless they are left out, because an agent carries a sensor."""
+        if self._with_sensed is None:
+            self._with_sensed = True
+            self.ctx.game.internals.after_observing.append(self._note_sensed)
 
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
         """Record the sensor data from which agents will decide, after all earlier changes."""

@@ -363,7 +363,7 @@ def _cell(value: Plain) -> str | int | float | bool | None:
 
 
 def with_sensed(recording: Recording) -> Recording:
-    """Return a recording that contains the sensor reports of each turn: the same recording if it has these already.
+    """Return a recording that contains the sensor reports of each turn: the same recording if it has any already.
 
     Otherwise the sensors sense again in a replay. Sensors with errors or delay draw other errors than in the game, and
     function sensors report nothing.

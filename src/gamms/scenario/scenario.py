@@ -348,7 +348,7 @@ class Scenario(Surface, Immutable):
         strategies: Strategies | None = None,
         *,
         record: str | os.PathLike[str] | None = None,
-        sensed: bool = False,
+        sensed: bool | None = None,
     ) -> Result:
         """Build the game, play it to its end, and terminate the context; see `build`.
 
@@ -356,10 +356,10 @@ class Scenario(Surface, Immutable):
             seed: see `build`.
             strategies: see `build`.
             record: the file for a recording, which replaces an existing file; None: do not record.
-            sensed: whether the recording contains the sensor reports of agents, which pages show.
+            sensed: whether the recording contains the sensor reports of agents; see `ctx.record.start`.
 
         Raises:
-            BadValue: `sensed` is given without `record`.
+            BadValue: `sensed` is True without `record`.
         """
         with self.build(seed, strategies) as ctx:
             return ctx.game.run(record=record, sensed=sensed)

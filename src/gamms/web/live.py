@@ -424,7 +424,7 @@ class Live(Handle):
         with scenario.build(self._seed, self._options.get("strategies")) as ctx:
             self.ctx = ctx
             if (path := self._options.get("record")) is not None:
-                ctx.record.start(path, sensed=True, overwrite=True)
+                ctx.record.start(path, overwrite=True)
             ctx.record.follow(self)
             self._players.open(ctx)
             begun.set()
