@@ -192,7 +192,7 @@ def test_an_altered_series_is_found_when_its_game_is_played(studied):
         (fault,) = experiment.load(folder, folder=code).verify(sample=8).faults
     finally:
         file.write_bytes(before)
-    assert f"Row {lines[0]['id']} (seed 0): the series 'where' is another one" in fault
+    assert f"Row {lines[0]['id']} (seed 0): the series 'where' is another one when it is played again" in fault
 
 
 def test_the_drawn_rows_follow_from_the_root_and_a_seed():
@@ -300,6 +300,28 @@ def test_a_plan_of_more_games_than_rows_takes_no_time(hunts):
     plan["variants"] *= 5_000
     (folder / "experiment.json").write_bytes(folders.plan_as_bytes(plan))
     assert "which do not fit together" in experiment.load(folder).verify().faults[0]
+
+
+def test_plans_and_rows_that_would_take_long_to_check_are_refused(hunts):
+    folder, _ = hunts
+    before = (folder / "experiment.json").read_bytes()
+    plan = json.loads(before)
+    plan["collect"] = ["name" * 10_000] * 100
+    (folder / "experiment.json").write_bytes(folders.plan_as_bytes(plan))
+    with allowing("25M"), pytest.raises(TooLarge, match="Hashing the ids of the rows"):
+        experiment.load(folder).verify()
+    (folder / "experiment.json").write_bytes(before)
+    _, rows = folders.read_rows(folder)
+    for number, row in enumerate(rows):
+        row.update(dict.fromkeys(f"score.{number}.{other}" for other in range(2_000)))
+    (folder / "journal.jsonl").write_bytes(folders.as_lines(rows))
+    with allowing("5M"), pytest.raises(TooLarge, match="A table of 8 rows and 16,"):
+        experiment.load(folder).verify()
+
+
+def test_a_folder_may_be_named_by_a_link(hunts, tmp_path):
+    (tmp_path / "link").symlink_to(hunts[0])
+    assert experiment.load(tmp_path / "link").verify(hunts[1].root()).is_valid
 
 
 @pytest.mark.parametrize(

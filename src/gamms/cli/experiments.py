@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gamms.suite import Results
 
 _MOST_VARIANTS = 40  # that are shown one by one
+_MOST_FAULTS = 100  # that are printed
 _ALTERED = 0.1  # the share of altered rows for which verify prints the probability that it misses all of them
 _REQUIRED = ("scenario", "entries", "seeds")  # of a tournament
 _KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
@@ -147,10 +148,11 @@ def verify(
     found = experiment.load(folder, folder=code, allow=allow or ()).verify(root, sample=sample, seed=seed)
     for note in found.notes:
         echo(f"note: {note}")
-    for fault in found.faults:
+    for fault in found.faults[:_MOST_FAULTS]:
         echo(fault, err=True)
     if not found.is_valid:
-        echo(f"{folder}: no.", err=True)
+        more = len(found.faults) - _MOST_FAULTS
+        echo(f"{folder}: no{f', and {more:,} faults more' if more > 0 else ''}.", err=True)
         raise typer.Exit(1)
     covered = "is the root" if root is not None else "is its root, which nothing was compared with"
     echo(f"{folder}: yes. {found.root} {covered}; the files that follow from its {found.rows:,} rows are right.")

@@ -496,7 +496,8 @@ def files_in(folder: Path) -> list[Path]:
     waiting = [folder]
     while waiting:
         here = waiting.pop()
-        refuse_link(here)
+        if here != folder:
+            refuse_link(here)
         if len(here.relative_to(folder).parts) >= _DEEPEST:
             raise BadFile(f"{str(folder)!r} holds the folder {shown(here.name)}, more than {_DEEPEST - 1} levels deep.")
         for one in here.iterdir():

@@ -30,6 +30,7 @@ _FORMAT = "gamms experiment root 1"
 _ROOT = re.compile("[0-9a-f]{64}")
 _RECORDING = ".ggr"
 _CHUNK = 1 << 20
+_CELL_BYTES = 50  # of memory for a cell of a table; 47 measured
 _FEW = 5  # files that a sentence names
 _PYARROW = re.compile(rb"parquet-cpp-arrow version ([0-9.]{1,20})")
 _DIED = "WorkerDied: "  # begins the error of a game whose process died
@@ -176,11 +177,12 @@ def verify(
     folder = source.folder or Path()
     lines = lines_in(folder / folders.JOURNAL, "a row")
     played = [row for row in drawn if not _has_died(row)]
+    misfit = _check_fit(folder, plan)
     found = [
         *faults,
         *_faults_of_plan(folder, plan),
+        *([*_faults_of_ids(plan), *_faults_of_rows(plan, rows)] if misfit is None else [misfit]),
         *_faults_of_spelling(folder / folders.JOURNAL, lines),
-        *_faults_of_rows(plan, rows),
         *_faults_of_copies(folder, plan, rows),
         *_faults_of_games(plan, folder, played, play),
     ]
@@ -191,6 +193,8 @@ def verify(
 
 def _faults_of_copies(folder: Path, plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
     """Yield a fault for each file that follows from the rows and differs from the one made again."""
+    columns = len(folders.columns_of(rows, plan["keys"]))
+    refuse_above(len(rows) * columns * _CELL_BYTES, f"A table of {len(rows):,} rows and {columns:,} columns")
     with tempfile.TemporaryDirectory() as made:
         for file in folders.write_rows(Path(made), rows, plan["keys"]):
             yield from _faults_of_copy(folder / file.name, file)
@@ -203,15 +207,32 @@ def _faults_of_plan(folder: Path, plan: Mapping[str, Any]) -> Iterator[str]:
     raw = json.loads(bytes_of(folder / folders.PLAN))
     if bytes_of(folder / folders.PLAN) != folders.plan_as_bytes(raw) or not set(raw) <= set(plan):
         yield f"{folders.PLAN} is not written as a run writes it: it has other spaces, signs or keys."
+    if set(plan["versions"]) != set(_VERSIONS):
+        yield f"{folders.PLAN} has versions of other things than {', '.join(_VERSIONS)}."
+
+
+def _check_fit(folder: Path, plan: Mapping[str, Any]) -> str | None:
+    """Return how the parts of a plan contradict each other; None: they fit together.
+
+    Raises:
+        TooLarge: the ids of rows follow from more bytes than is allowed, so that checking them would take long.
+    """
     variants = plan["variants"]
     count = len(variants) * len(plan["seeds"])
     if len(plan["digests"]) != len(variants) or len(plan["rows"]) != count:
-        yield (
+        return (
             f"{folders.PLAN} has {len(variants):,} variants, {len(plan['digests']):,} digests, {len(plan['seeds']):,} "
             f"seeds and {len(plan['rows']):,} rows, which do not fit together."
         )
-        return
-    games = product(zip(plan["digests"], variants, strict=True), plan["seeds"])
+    if any([*settings] != plan["keys"] for settings in variants):
+        return f"{folders.PLAN} has variants without the keys {shown(plan['keys'])}."
+    hashed = len(json.dumps(variants)) * len(plan["seeds"]) + len(json.dumps(plan["collect"])) * count
+    refuse_above(hashed, f"Hashing the ids of the rows in {str(folder)!r}")
+    return None
+
+
+def _faults_of_ids(plan: Mapping[str, Any]) -> Iterator[str]:
+    games = product(zip(plan["digests"], plan["variants"], strict=True), plan["seeds"])
     for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=True):
         expected = row_id(digest, settings, plan["collect"], seed)
         if id != expected:
@@ -229,14 +250,15 @@ def _faults_of_spelling(file: Path, lines: Sequence[Mapping[str, object]]) -> It
 
 def _faults_of_rows(plan: Mapping[str, Any], rows: Sequence[Row]) -> Iterator[str]:
     by_id = {row["id"]: row for row in rows}
-    games = product(zip(plan["digests"], plan["variants"], strict=False), plan["seeds"])
+    games = product(zip(plan["digests"], plan["variants"], strict=True), plan["seeds"])
+    versions = {name: plan["versions"].get(name) for name in _VERSIONS}
     missing = []
-    for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=False):
+    for id, ((digest, settings), seed) in zip(plan["rows"], games, strict=True):
         row = by_id.get(id)
         if row is None:
             missing.append(id)
             continue
-        expected = {"scenario": digest, **plan["versions"], **settings, "seed": seed}
+        expected = {"scenario": digest, **versions, **settings, "seed": seed}
         yield from _differences(row, expected, expected, "and the plan says")
     if missing:
         yield f"{len(missing):,} of {len(plan['rows']):,} rows are missing, such as {missing[0]}: run to the end."
@@ -246,12 +268,14 @@ def _differences(row: Row, expected: Mapping[str, Any], columns: Iterable[str], 
     """Yield a fault for each column in which a row differs from expected values."""
     for column in columns:
         found = row.get(column)
-        if as_lines([{"value": found}]) != as_lines([{"value": expected.get(column)}]):
-            yield f"{_name_row(row)}: {column} is {shown(found)}, {whence} {shown(expected.get(column))}."
+        value = expected.get(column)
+        is_same = type(found) is type(value) and found == value
+        if not is_same and as_lines([{"value": found}]) != as_lines([{"value": value}]):
+            yield printable_line(f"{_name_row(row)}: {column} is {shown(found)}, {whence} {shown(value)}.")
 
 
 def _name_row(row: Row) -> str:
-    return printable_line(f"Row {row['id']} (seed {row.get('seed')})")
+    return f"Row {row['id']} (seed {row.get('seed')})"
 
 
 def _faults_of_copy(file: Path, expected: Path) -> Iterator[str]:
@@ -283,7 +307,7 @@ def _faults_of_lines(file: Path, expected: Path) -> Iterator[str]:
         return
     faults = list[str]()
     for one, other in zip(found, made, strict=True):
-        columns = dict.fromkeys([*other, *one])
+        columns = dict.fromkeys([*other, *one]) if one != other else {}
         faults += _differences(one, other, columns, f"in {file.name}, and the journal says")
     yield from faults or _faults_of_spelling(file, made)
 
@@ -358,15 +382,18 @@ def draw_rows(root: str, seed: int, rows: Sequence[Row], count: int) -> list[Row
 def _faults_of_games(plan: Mapping[str, Any], folder: Path, rows: Sequence[Row], play: PlayRow) -> Iterator[str]:
     """Play the games of rows again, and yield a fault for each value that differs."""
     given = {"id", "scenario", "seed", *_VERSIONS, *plan["keys"], *(f"collector.{name}" for name in plan["collect"])}
+    collected: dict[str, list[folders.SeriesLine]] = {row["id"]: [] for row in rows}
+    for line in folders.series_in(folder, collected):
+        collected[line["id"]].append(line)
     for row in rows:
         try:
             played, series = play(row["id"])
         except (GammsError, OSError) as error:
-            yield f"{_name_row(row)} could not be played again: {error}"
+            yield printable_line(f"{_name_row(row)} could not be played again: {error}")
             continue
         columns = [name for name in dict.fromkeys([*row, *played]) if name not in given]
         yield from _differences(row, played, columns, "and played again")
-        yield from _differing_series(row, folders.series_in(folder, [row["id"]]), series)
+        yield from _differing_series(row, collected[row["id"]], series)
 
 
 def _differing_series(
@@ -376,7 +403,7 @@ def _differing_series(
     again = {line["name"]: as_lines([line]) for line in made}
     for name in dict.fromkeys([*by_name, *again]):
         if by_name.get(name) != again.get(name):
-            yield f"{_name_row(row)}: the series {shown(name)} is another one when the game is played again."
+            yield printable_line(f"{_name_row(row)}: the series {shown(name)} is another one when it is played again.")
 
 
 def _notes_of_games(plan: Mapping[str, Any], rows: Iterable[Row]) -> Iterator[str]:
