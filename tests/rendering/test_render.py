@@ -14,6 +14,7 @@ from gamms.errors import BadType, BadValue
 from gamms.rendering import Fog, RenderOptions
 from gamms.rules import capture_flag, territory
 from gamms.sensor import SensorType
+from gamms.sensor.ground import AgentSensor
 
 SAMPLES = Path(__file__).parents[1] / "recorder/samples/version2"
 QUIET = {"level": "CRITICAL"}
@@ -233,6 +234,42 @@ def test_in_the_fog_of_eyes_that_err_only_reported_agents_are_seen(errors):
         fog.look()
         assert fog._now == {0, 1, 2, 3, 4}
         assert fog.hidden == ({"blue_1", "blue_2"} if errors else {"blue_2"})
+
+
+@pytest.mark.parametrize(
+    "errors", [{"detection": 0.5}, {"position_noise_m": 20.0}, {"false_alarm_rate": 2.0}, {"delay_turns": 1}]
+)
+def test_pictures_of_a_recording_show_what_sensors_reported_without_a_look(tmp_path, monkeypatch, errors):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=100.0, **errors)
+        ctx.agent.create_agent("red_0", start_node_id=0, team="red", sensors=["eyes"], strategy=east)
+        for node in range(2, 8):
+            ctx.agent.create_agent(f"blue_{node}", start_node_id=node, team="blue", strategy=east)
+        ctx.game.run(max_turns=6, record=tmp_path / "game.ggr")
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        reports = [recording.observation(turn, "red_0")["sensor"]["eyes"][1] for turn in range(2, 7)]
+    looks = []
+    sense = AgentSensor.sense
+    monkeypatch.setattr(AgentSensor, "sense", lambda *given: looks.append(given) or sense(*given))
+    shown = []
+    with gamms.create_context(seed=2, logger_config=QUIET) as ctx:
+
+        def look():
+            fog = Fog(ctx, "red")
+            fog.look()
+            assert len(looks) == 0 or ctx.game.turn == 6  # after the last turn nothing was reported
+            sight = ctx.visual.drawing.carriers.sight(ctx.sensor.get_sensor("eyes"), ctx.agent.get_agent("red_0"))
+            shown.append(sorted((sight.view.agents[:, 0] / 10.0).round().tolist()))
+            nodes = {name: ctx.agent.get_agent(name).current_node_id for name in ctx.agent.agents}
+            if "detection" in errors and ctx.game.turn < 6:
+                missed = {name for name in nodes if name[0] == "b"}.difference(reports[ctx.game.turn - 1])
+                assert fog.hidden == missed
+
+        ctx.visual.after_turn.append(look)
+        for _ in ctx.record.replay(tmp_path / "game.ggr"):
+            pass
+    assert shown[:5] == [sorted(report.values()) for report in reports]
 
 
 def test_the_fog_dims_what_was_seen_and_darkens_the_rest(game, tmp_path):

@@ -72,9 +72,25 @@ def find_field(
         on_edges: the positions of agents between nodes.
         map_now: the map.
     """
-    covered = _covered_by(sensor, agent, on_edges) if field is None else field.nodes(map_now.graph)
+    return find_node_rows(
+        map_now, _covered_by(sensor, agent, on_edges) if field is None else field.nodes(map_now.graph)
+    )
+
+
+def find_node_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> IntArray:
+    """Return the rows of nodes (nodes,) with the given ids; -1 for unknown ids."""
+    if not len(ids):
+        return _NONE
     columns = map_now.columns()
-    return kernels.rows_of(columns.node_ids, covered, columns.node_order)
+    return kernels.rows_of(columns.node_ids, np.asarray(ids, np.int64), columns.node_order)
+
+
+def find_edge_rows(map_now: IGraphEngine, ids: "Sequence[int] | IntArray") -> IntArray:
+    """Return the rows of edges (edges,) with the given ids; -1 for unknown ids."""
+    if not len(ids):
+        return _NONE
+    columns = map_now.columns()
+    return kernels.rows_of(columns.edge_ids, np.asarray(ids, np.int64), columns.edge_order)
 
 
 def find_pose(sensor: ISensor, agent: IAgent) -> tuple[Place, Any]:
@@ -179,6 +195,11 @@ class FieldFinder:
         return SensorField(_as_recorded(place), radius, hidden)
 
 
+def find_first_turn(turn: int) -> int:
+    """Return the turn, as a number of turns before it, from which on events are read to know the fields of a turn."""
+    return turn // _TURNS * _TURNS
+
+
 class FieldTable:
     """The fields of a recording by number, while it is written or read.
 
@@ -200,8 +221,8 @@ class FieldTable:
         """
         if not any(fields):
             return {}
-        if turn // _TURNS != self._span:
-            self._span = turn // _TURNS
+        if find_first_turn(turn) != self._span:
+            self._span = find_first_turn(turn)
             self._numbers.clear()
         first = len(self._numbers)
         numbers = [0 if one is None else 1 + self._numbers.setdefault(one, len(self._numbers)) for one in fields]

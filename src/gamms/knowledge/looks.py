@@ -52,6 +52,18 @@ class Look(NamedTuple):
     field: SensorField | None = None
 
 
+class Report(NamedTuple):
+    """A look with the agents that its numbers stand for.
+
+    Attributes:
+        look: the look.
+        names: number of an agent -> name.
+    """
+
+    look: Look
+    names: Mapping[int, str]
+
+
 def take_looks(
     results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
 ) -> Iterator[tuple[int, list[Look]]]:

@@ -11,7 +11,10 @@ import numpy as np
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
+from gamms.knowledge.fields import find_edge_rows, find_node_rows
+from gamms.knowledge.looks import Report, as_reported, nearest_on, parts_of
 from gamms.text import as_text
+from gamms.typing import IGraphEngine, ISensor
 
 
 def name_side(name: str, team: object) -> str:
@@ -48,6 +51,60 @@ class SideLook(NamedTuple):
     field: IntArray
     reports_all: bool
     agents: Collection[str]
+
+
+class SeenParts(NamedTuple):
+    """The content of a report on a map.
+
+    Attributes:
+        nodes: rows of the reported nodes.
+        edges: rows of the reported edges.
+        agents: the reported agents: name and node row; -1: its actual node was reported.
+        other: any other report; None: there is none.
+    """
+
+    nodes: IntArray
+    edges: IntArray
+    agents: Sequence[tuple[str, int]]
+    other: Any
+
+
+def find_seen(report: Report, sensor: ISensor | None, now: Mapping[str, int], map_now: IGraphEngine) -> SeenParts:
+    """Return the content of a report, without unknown nodes, edges and agents.
+
+    Args:
+        report: the report.
+        sensor: its sensor; None: unknown.
+        now: agent -> the row of its actual node, or of the node below it.
+        map_now: the map.
+    """
+    look, names = report
+    if has_errors(sensor):
+        look = as_reported(look, nearest_on(map_now.columns), names)
+    nodes, edges, agents, other = parts_of(look)
+    node_rows = find_node_rows(map_now, nodes)
+    edge_rows = find_edge_rows(map_now, edges)
+    at = find_node_rows(map_now, [node for _, node in agents]).tolist()
+    pairs = [(names[number], row) for (number, _), row in zip(agents, at, strict=True) if number in names]
+    is_rough = has_errors(sensor) and look.other is not None  # positions in space, which are not those of the agents
+    seen = [(name, -1 if now[name] == row and not is_rough else row) for name, row in pairs if name in now]
+    return SeenParts(node_rows[node_rows >= 0], edge_rows[edge_rows >= 0], seen, other)
+
+
+def as_side_look(agent: str, sensor: ISensor | None, seen: SeenParts, field: IntArray) -> SideLook:
+    """Return the part of a report that tells a side what it sees: from sensors with errors, only what is true."""
+    found = [name for name, row in seen.agents if row < 0 or not has_errors(sensor)]
+    return SideLook(agent, seen.nodes, field, reports_all(sensor), found)
+
+
+def has_errors(sensor: ISensor | None) -> bool:
+    """Return whether a sensor may report agents where they are not."""
+    return bool(getattr(sensor, "has_errors", False))
+
+
+def reports_all(sensor: ISensor | None) -> bool:
+    """Return whether a sensor reports every agent that stands in its field, where it is and at once."""
+    return bool(getattr(sensor, "reports_all", False))
 
 
 class SideKnowledge(NamedTuple):

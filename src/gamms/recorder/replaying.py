@@ -25,6 +25,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.knowledge import looks as sensed
+from gamms.knowledge.fields import FieldTable, find_first_turn
+from gamms.knowledge.looks import Look, Report
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps
 from gamms.recorder.errors import UNFIT, Damaged, RecordingError, reporting_damage
@@ -47,6 +49,7 @@ class LiveState(State):
 
     Attributes:
         pace: increment of the turn number of the game.
+        shown_turn: turn number of the game after the last turn that was applied.
         sensor_ids: ids of the sensors of the recording; other sensors belong to the program, and stay.
     """
 
@@ -57,6 +60,7 @@ class LiveState(State):
         self.agents = LiveAgents(ctx)
         self.game = ctx.game.internals.state
         self.pace = 0
+        self.shown_turn = 0
         self._shown: Any = {}  # artists of the recording
         self.sensor_ids: set[str] = set()
 
@@ -73,10 +77,12 @@ class LiveState(State):
         if "starts" in snapshot:
             game.began = dict(snapshot["starts"])
         self.pace = int(snapshot.get("pace", 0))
+        self.shown_turn = game.turn
 
     def end_turn(self) -> None:
         """End the turn, also in a recording of this context."""
         self.game.turn += self.pace
+        self.shown_turn = self.game.turn
         self._ctx.visual.simulate()
 
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
@@ -128,6 +134,12 @@ class LiveState(State):
         drawing = getattr(self._ctx.visual, "drawing", None)
         if drawing is not None:
             drawing.sides = sides
+
+    def show_reports(self, read: Callable[[], Mapping[tuple[str, str], Report]]) -> None:
+        """Let pictures read the reports of sensors in the shown state, by agent and name of the sensor."""
+        drawing = getattr(self._ctx.visual, "drawing", None)
+        if drawing is not None:
+            drawing.carriers.read_reports = read
 
     def draw(self, drawing: dict[str, Any]) -> None:
         """Set the draw commands of an artist."""
@@ -393,6 +405,42 @@ class _LegacyAgents(LiveAgents):
 # -- replay -------------------------------------------------------------------------------------------------------
 
 
+class ReportReader:
+    """Reads the sensor reports that follow the turns of a recording: those from which agents decide next.
+
+    Args:
+        reader: reader of the recording.
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+        self._fields = FieldTable()
+        self._following = 0  # turn to be read next
+        self._latest: tuple[int, list[tuple[int, Look]]] = (-1, [])
+
+    def read(self, turn: int) -> list[tuple[int, Look]]:
+        """Return the reports after a number of turns, by numbers of agents; empty if there are none.
+
+        Raises:
+            RecordingError: they are damaged.
+        """
+        if turn != self._latest[0]:
+            self._latest = turn, self._read(turn) if turn < self._reader.turns else []
+        return self._latest[1]
+
+    def _read(self, turn: int) -> list[tuple[int, Look]]:
+        first = find_first_turn(turn)
+        if self._following <= turn:
+            first = max(first, self._following)
+        found = list[tuple[int, Look]]()
+        with reporting_damage("The sensor data are damaged", with_type=True):
+            for at, *_, data in self._reader.events(first, turn + 1, {kinds.SENSED}):
+                looks = sensed.looks_of(data, fields=self._fields)
+                found += looks if at == turn else []
+        self._following = turn + 1
+        return found
+
+
 _Ongoing = Callable[[], RecordingSession | None]
 
 
@@ -426,6 +474,8 @@ class Replayer:
         """
         self._declare(reader.header)
         begin = reader.keyframe(0)
+        reports = ReportReader(reader)
+        self.state.show_reports(lambda: self._reports_now(reports))
         if begin is not None:
             self._begin(reader.header, begin[1])
         elif reader.turns or not reader.warning:  # otherwise it was truncated after its map
@@ -467,6 +517,17 @@ class Replayer:
         self.turn += 1
         for _ in self._turn(self.turn - 1, log):
             pass
+
+    def _reports_now(self, reports: ReportReader) -> dict[tuple[str, str], Report]:
+        """Return the reports that follow the turn that is shown; empty once the program plays on by itself."""
+        if self.state.game.turn != self.state.shown_turn:
+            return {}
+        names = self.state.agents.names
+        found: dict[tuple[str, str], Report] = {}
+        for number, look in reports.read(self.turn):
+            if number in names:
+                found.setdefault((names[number], look.sensor), Report(look, names))
+        return found
 
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
         """Apply a turn until an agent senses, and return the sensor data; None if it does not sense."""

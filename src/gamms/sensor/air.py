@@ -114,6 +114,9 @@ class FlyingSensor(Sensor):
         self._refuse_ground_agent(owner)
         return super().view_from(node_id, owner)
 
+    def _aim(self, place: object) -> Pose | None:  # noqa: ARG002 - it looks from the air
+        return self.pose()
+
     def _place_of_look(self) -> Axis | None:
         pose: Pose | None = self._last[1]
         return None if pose is None else cast("Axis", tuple(pose.position.tolist()))

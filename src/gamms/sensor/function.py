@@ -6,6 +6,7 @@ from typing import Any
 from gamms.arguments import signature_of
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType
+from gamms.ir.sensor_results import SensorView
 from gamms.readonly import copied
 from gamms.sensor.sensor import Sensor
 from gamms.text import shown
@@ -55,6 +56,10 @@ class FunctionSensor(Sensor):
     def reset(self) -> None:
         """Clear the sensed data."""
         self._last[0] = None
+
+    def view_from(self, node_id: int | None, owner: str | None) -> SensorView:  # noqa: ARG002 - it is not drawn
+        """Raise NotOffered, without a call of the function."""
+        return self.last_view()
 
     def sense(self, node_id: int | None = None) -> None:
         """Call the function."""

@@ -140,6 +140,10 @@ class GroundSensor(Sensor):
         if owner is None:
             self._last[1] = None
 
+    def _aim(self, place: object) -> tuple[Place, float, float, Heading]:
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        return self.place(cast("int", place)), self.range, self.fov, heading
+
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return the present view of the sensor, for drawing."""
@@ -231,7 +235,9 @@ class MapSensor(GroundSensor):
         return self._with_field(map_view(self._view_data()))
 
     def _where(self, place: Place) -> tuple[float, float]:
-        node = self._view_data()["nodes"].get(place)  # its position at that time, unless the data was emptied since
+        node = (
+            self._view_data().get("nodes", {}).get(place)
+        )  # its position at that time, unless the data was emptied since
         return super()._where(place) if node is None else (node.x, node.y)
 
     def _look(self, place: Place, heading: Heading) -> View:

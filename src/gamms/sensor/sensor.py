@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import wraps
 from math import hypot, inf
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 from gamms.arguments import as_float, as_name, as_range
 from gamms.deciding import UNKNOWN_LOOK, ContextPart, DecidePhase, phase_of, refuse_unknown_look, refused_while_deciding
@@ -168,23 +168,57 @@ class Sensor(ContextPart, ISensor):
     @refused_while_deciding
     def data_from(self, place: Any, owner: str | None) -> Any:
         """Return the `data` that an agent would get now; the look is not counted."""
-        twin = self._copy_for_view()
-        twin._owner = owner
-        twin.sense(place)
-        return self._phase.shown(twin._last[0]) if type(self).data is Sensor.data else twin.data
+        return self._looking_from(place, owner)._data_for_owner()
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
         """Return the present view, for drawing; for custom classes, the last view."""
         if not self._is_ours:
             return self.last_view()
-        twin = self._copy_for_view()
-        twin._owner = owner
         try:
-            twin.sense(node_id)  # type: ignore[arg-type] # those that look from the air need no node
+            return self._looking_from(node_id, owner).last_view()
         except UnknownName:  # a node is gone
             return SensorView()
+
+    @refused_while_deciding
+    def preview(self, place: object, owner: str | None) -> tuple[Any, SensorView]:
+        """Return the `data` that an agent would get now, and its view for drawing; the look is not counted.
+
+        Raises:
+            UnknownName (KeyError): the node does not exist.
+        """
+        looking = self._looking_from(place, owner)
+        return looking._data_for_owner(), looking.last_view()
+
+    @refused_while_deciding
+    def view_of(self, data: object, place: int | tuple[float, ...], owner: str | None) -> SensorView:
+        """Return the view of a report, for drawing, without a look.
+
+        A sensor whose `data` is a function of other data looks, because a report does not tell these.
+
+        Raises:
+            BadValue: `data` is not data of this kind of sensor.
+        """
+        if not self._is_ours or type(self).data is not Sensor.data:
+            return self.view_from(cast("int", place), owner)
+        twin = self._copy_for_view()
+        twin._owner = owner
+        twin._last[:] = data, twin._aim(place)
         return twin.last_view()
+
+    def _looking_from(self, place: object, owner: str | None) -> Self:
+        """Return a copy that has looked from a place for an agent."""
+        twin = self._copy_for_view()
+        twin._owner = owner
+        twin.sense(place)  # type: ignore[arg-type] # those that look from the air need no node
+        return twin
+
+    def _data_for_owner(self) -> Any:
+        return self._phase.shown(self._last[0]) if type(self).data is Sensor.data else self.data
+
+    def _aim(self, place: object) -> Any:
+        """Return the place, range and heading of a look from a place, as `sense` stores them."""
+        return (place,)
 
     def _copy_for_view(self) -> Self:
         """Return a sensor to look with in its place."""

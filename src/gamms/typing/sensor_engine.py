@@ -152,6 +152,21 @@ class ISensor(ABC):
         """
         return self.last_view()
 
+    def view_of(self, data: object, place: int | tuple[float, ...], owner: str | None) -> SensorView:  # noqa: ARG002 - as above
+        """Return the view of a report, for drawing, without a look; `data` is unchanged.
+
+        This default returns the view of the last look.
+
+        Args:
+            data: the `data` that an agent got; an empty dict: only the field of view is wanted.
+            place: node or position of this agent.
+            owner: name of this agent.
+
+        Raises:
+            NotOffered: this sensor cannot be drawn.
+        """
+        return self.last_view()
+
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:  # noqa: ARG002 - as above
         """Return the nodes on which it would show agents on the ground now; `data` and later looks are unchanged.
 

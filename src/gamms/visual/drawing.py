@@ -14,6 +14,7 @@ from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace, Owner
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
+from gamms.knowledge.sides import name_side
 from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
@@ -361,8 +362,8 @@ class Drawing:
         self.theme = theme
         self._held_image = held_image or image_path
         self.turns = PastTurns(ctx)
-        self.carriers = SensorCarriers(ctx)
         self.motion = LastMoves(ctx, self.turns)
+        self.carriers = SensorCarriers(ctx, self.motion.on_edges)
         self.events = TurnEvents(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
@@ -597,10 +598,7 @@ class Drawing:
     def _assigned_colors(self, more: Iterable[str]) -> dict[str, Rgb]:
         names = self._ctx.agent.positions.names
         teams = self._ctx.agent.positions.teams
-        groups = dict.fromkeys(teams)
-        if None in groups:
-            groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
-        known = [*dict.fromkeys((*map(as_text, groups), *more))]
+        known = [*dict.fromkeys((*map(name_side, names, teams), *more))]
         colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 

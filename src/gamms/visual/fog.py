@@ -1,7 +1,4 @@
-"""Fog of war: hides what a team cannot see, and dims what it has seen before.
-
-The built-in sensors sense again, because recordings do not contain their views.
-"""
+"""Fog of war: hides what a team cannot see, and dims what it has seen before."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
@@ -11,10 +8,10 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
 from gamms.knowledge.fields import find_field
-from gamms.knowledge.sides import AgentPlaces, SideLook, find_known, name_side
+from gamms.knowledge.looks import Report, take_looks
+from gamms.knowledge.sides import AgentPlaces, SideLook, as_side_look, find_known, find_seen, name_side
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR
@@ -41,7 +38,6 @@ _SLIM = 0.2
 _DOT = 0.08
 _LINE_PX = 1.5
 _NONE = np.zeros(0, np.int64)
-_DIGITS = 6  # rounding of coordinates, to find nodes
 
 
 class Fog:
@@ -120,18 +116,18 @@ class Fog:
     # -- knowledge ---------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Sense with the team's sensors at the current positions, and hide the agents that they do not see."""
+        """Take the reports of the team's sensors in the present state, and hide the agents that they do not show."""
         columns = self._ctx.graph.columns()
         carriers = drawing_of(self._ctx).carriers
+        places = self._places(columns)
         sights = list[ShownView]()
         looks = list[SideLook]()
         for agent in self._own():
             for sensor in _sensors_of(agent) if agent.alive else ():
                 sight = carriers.sight(sensor, agent)
                 sights.append(sight)
-                looks.append(self._as_look(columns, sight, agent))
+                looks.append(self._as_look(sight, agent, places))
         self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
-        places = self._places(columns)
         known = find_known([self.team], looks, places, len(columns.node_ids))[self.team]
         self._now = set(columns.node_ids[known.nodes].tolist())
         game = self._ctx.current_game
@@ -142,15 +138,23 @@ class Fog:
         self.hidden = others.difference(known.agents)
         cast("Any", self._ctx.visual).artists.fog = self
 
-    def _as_look(self, columns: GraphColumns, sight: ShownView, agent: IAgent) -> SideLook:
-        """Return the nodes and agents that a sensor shows, or else the nodes on which it would show agents."""
+    def _as_look(self, sight: ShownView, agent: IAgent, places: AgentPlaces) -> SideLook:
+        """Return what a sensor shows to the team, and the nodes on which it would show agents."""
+        ctx = self._ctx
         view = sight.view or SensorView()
-        nodes = field = _NONE
-        if len(view.nodes) or (len(view.outline) == 0 and sight.sensor.type not in IN_AIR):
-            nodes = np.flatnonzero(_at(columns.xy, view.nodes))
-        else:
-            field = find_field(None, sight.sensor, agent, drawing_of(self._ctx).motion.on_edges(), self._ctx.graph)
-        return SideLook(agent.name, nodes, field, bool(getattr(sight.sensor, "reports_all", False)), view.names)
+        report = sight.report or self._as_report(sight, places)
+        field = _NONE
+        if len(view.nodes) == 0 and (len(view.outline) or sight.sensor.type in IN_AIR):
+            field = find_field(report.look.field, sight.sensor, agent, drawing_of(ctx).motion.on_edges(), ctx.graph)
+        at = dict(zip(places.names, places.rows.tolist(), strict=True))
+        return as_side_look(agent.name, sight.sensor, find_seen(report, sight.sensor, at, ctx.graph), field)
+
+    def _as_report(self, sight: ShownView, places: AgentPlaces) -> Report:
+        """Return what a sensor would report now, with the rows of agents as their numbers."""
+        numbers = {name: row for row, name in enumerate(places.names)}
+        nodes = dict(zip(places.names, self._ctx.agent.positions.nodes, strict=True))
+        ((_, looks),) = take_looks([(0, {"": (sight.sensor.type, sight.data)})], numbers, nodes)
+        return Report(looks[0], dict(enumerate(places.names)))
 
     def _places(self, columns: GraphColumns) -> AgentPlaces:
         agents = list(self._ctx.agent.create_iter())
@@ -231,11 +235,3 @@ def _side_of(agent: IAgent) -> str:
 def _sensors_of(agent: IAgent) -> list[Any]:
     """Return the sensors that an agent carries; Any: an agent of another class may carry any."""
     return list(getattr(agent, "sensors", {}).values())
-
-
-def _at(xy: FloatArray, places: FloatArray) -> BoolArray:
-    """Return which of `xy` (nodes, 2) are among places (places, 2)."""
-    if len(places) == 0:
-        return np.zeros(len(xy), bool)
-    wanted = np.round(places, _DIGITS) @ (1.0, 1.0j)
-    return np.isin(np.round(xy, _DIGITS) @ (1.0, 1.0j), wanted)

@@ -15,6 +15,7 @@ from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, Unkno
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Progress, steps_along
 from gamms.ir.sensor_results import SensorView
+from gamms.knowledge.looks import Report, data_of
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
@@ -432,21 +433,39 @@ class TurnEvents:
         return {name: has_arrived for name, has_arrived in self._ends.items() if name in missing}
 
 
+Reports = Mapping[tuple[str, str], Report]
+"""(agent, name of the sensor for it) -> report."""
+_NO_REPORTS: Reports = {}
+
+
 class ShownView(NamedTuple):
     """The view of a sensor from the agent that carries it; without a carrier, its last view."""
 
     sensor: ISensor
     carrier: str | None
     view: SensorView | None  # None: it has none; drawing it will show the error
+    report: Report | None = None  # that was recorded; None: there is none
+    data: Any = None  # that it would report now, if nothing was recorded
 
 
 class SensorCarriers:
-    """The agents that carry each sensor, updated only if agents or their sensors have changed."""
+    """The agents that carry each sensor, updated only if agents or their sensors have changed.
 
-    def __init__(self, ctx: IContext) -> None:
+    Args:
+        ctx: the context.
+        places: returns the positions of agents between nodes.
+
+    Attributes:
+        read_reports: returns the reports that sensors made in the shown state, read from a recording; without a report,
+            a built-in sensor says what it would report now.
+    """
+
+    def __init__(self, ctx: IContext, places: Callable[[], Mapping[str, _Point]]) -> None:
         self._ctx = ctx
+        self._places = places
         self._key: Any = None
         self._of: dict[int, list[Any]] = {}
+        self.read_reports: Callable[[], Reports] = lambda: _NO_REPORTS
 
     def of(self, sensor: ISensor) -> list[Any]:
         """Return the agents that carry a sensor, dead ones too, in the order of their creation."""
@@ -481,18 +500,46 @@ class SensorCarriers:
                 yield from ((sensor, agent) for agent in living)
 
     def sight(self, sensor: ISensor, agent: IAgent | None) -> ShownView:
-        """Return the view of a sensor for an agent, without the agent's own team; None: its last or present view."""
-        look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
-        place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
+        """Return the view of a sensor for an agent, without the agent's own team; None: its last view.
+
+        Raises:
+            RecordingError (ValueError): the recording of which reports are read is damaged.
+        """
+        reports = self.read_reports()
         try:
-            view = view_of(sensor) if look is None else look(place, name)
-            return ShownView(
-                sensor, name, self._of_carrier(view, sensor, agent) if isinstance(view, SensorView) else None
-            )
+            if agent is None:
+                return self._shown(sensor, agent, view_of(sensor))
+            return self._look(sensor, agent, reports)
         except NotOffered:
-            return ShownView(sensor, name, SensorView())
+            view: SensorView | None = SensorView()
         except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
-            return ShownView(sensor, name, None)
+            view = None
+        return ShownView(sensor, None if agent is None else agent.name, view)
+
+    def _look(self, sensor: ISensor, agent: IAgent, reports: Reports) -> ShownView:
+        """Return what a sensor has reported to an agent, or would report now; other than built-in ones do not say."""
+        place: Any = agent.current_node_id
+        if getattr(sensor, "looks_from_points", False):
+            place = self._places().get(agent.name, place)
+        key = next((name for name, one in agent.sensors.items() if one is sensor), "")
+        report = reports.get((agent.name, key))
+        preview = getattr(sensor, "preview", None)
+        if preview is None or not sensor.sees_world_only:
+            look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
+            view = view_of(sensor) if look is None else look(place, agent.name)
+            return self._shown(sensor, agent, view, report, getattr(sensor, "data", None))
+        if report is None:
+            data, view = preview(place, agent.name)
+            return self._shown(sensor, agent, view, None, data)
+        seen = data_of(report.look, self._ctx.graph.graph, report.names)
+        return self._shown(sensor, agent, sensor.view_of(seen, place, agent.name), report)
+
+    def _shown(
+        self, sensor: ISensor, agent: IAgent | None, view: object, report: Report | None = None, data: object = None
+    ) -> ShownView:
+        name = None if agent is None else agent.name
+        shown_view = self._of_carrier(view, sensor, agent) if isinstance(view, SensorView) else None
+        return ShownView(sensor, name, shown_view, report, data)
 
     def _of_carrier(self, view: SensorView, sensor: ISensor, agent: IAgent | None) -> SensorView:
         """Return a view without the carrier's own team, whose field moves with the carrier if nothing blocks it."""

@@ -247,19 +247,19 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
             if look.words is not None:
                 words[len(looks)] = look.words
             sensor = sensors.setdefault((look.sensor, look.kind), len(sensors))
-            sizes = len(look.nodes), len(look.edges), len(look.agents)
+            sizes = len(look.seen.nodes), len(look.seen.edges), len(look.seen.agents)
             looks.append((row_of.get(look.agent, -1), sensor, shape, *sizes))
     every = list(chain.from_iterable(one.looks for one in found))
     sides = dict.fromkeys(chain.from_iterable(one.sides for one in found))
-    agents = chain.from_iterable(look.agents for look in every)
+    agents = chain.from_iterable(look.seen.agents for look in every)
     pairs = [(row_of.get(name, -1), node) for name, node in agents]
     return {
         "looked": narrow([-1 if one is None else len(one.looks) for one in sensed]),
         "sensors": [list(sensor) for sensor in sensors],
         "shapes": kept,
         "looks": narrow(np.array(looks, np.int64).reshape(-1, 6).T),
-        "seen_nodes": _concatenated([look.nodes for look in every]),
-        "seen_edges": _concatenated([look.edges for look in every]),
+        "seen_nodes": _concatenated([look.seen.nodes for look in every]),
+        "seen_edges": _concatenated([look.seen.edges for look in every]),
         "seen_agents": narrow(np.array(pairs, np.int64).reshape(-1, 2).T),
         "words": words,
         "sights": {side: _sights(side, sensed, row_of) for side in sides},

@@ -11,16 +11,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.ir.sensor_results import SensorView
-from gamms.knowledge.fields import FieldTable, find_field, find_places, find_pose
-from gamms.knowledge.looks import Look, as_reported, looks_of, nearest_on, parts_of
-from gamms.knowledge.sides import AgentPlaces, SideKnowledge, SideLook, find_known, name_side
+from gamms.knowledge.fields import FieldTable, find_field, find_node_rows, find_places, find_pose
+from gamms.knowledge.looks import Look, Report, looks_of
+from gamms.knowledge.sides import (
+    AgentPlaces,
+    SeenParts,
+    SideKnowledge,
+    SideLook,
+    as_side_look,
+    find_known,
+    find_seen,
+    name_side,
+)
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.text import as_digits, as_text
@@ -83,26 +91,16 @@ class SensorLook(NamedTuple):
         sensor: the name of the sensor.
         kind: the type of the sensor.
         shape: the outline of the field of view; None: there is none.
-        field: rows of the nodes that the sensor covers, if it reports only agents.
-        nodes: rows of the reported nodes.
-        edges: rows of the reported edges.
-        agents: the reported agents: name and node row; -1: the row of the agent's actual node.
+        seen: the content of the report.
         words: any other report, as text; None: there is none.
-        reports_all: whether the sensor reports every agent in view.
-        has_errors: whether it may report agents where they are not.
     """
 
     agent: str
     sensor: str
     kind: str
     shape: FieldOutline | None
-    field: IntArray
-    nodes: IntArray
-    edges: IntArray
-    agents: Sequence[tuple[str, int]]
+    seen: SeenParts
     words: str | None
-    reports_all: bool
-    has_errors: bool
 
 
 class SensedTurn(NamedTuple):
@@ -123,7 +121,6 @@ class KnowledgeTracker:
     def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
         self._ctx = ctx
         self._step = step
-        self._nearest = nearest_on(ctx.graph.columns)
         self._fields = FieldTable()
         self._covered: dict[Any, IntArray] = {}
         self._held = 0  # nodes in it
@@ -136,16 +133,6 @@ class KnowledgeTracker:
         self._held = 0
         self._shapes.clear()
 
-    def rows(self, of: str, ids: "Sequence[int] | IntArray") -> IntArray:
-        """Return the rows of "nodes" or "edges" with the given ids; -1 for unknown ids."""
-        if not len(ids):
-            return _NONE
-        columns = self._ctx.graph.columns()
-        is_of_nodes = of == "nodes"
-        known = columns.node_ids if is_of_nodes else columns.edge_ids
-        order = columns.node_order if is_of_nodes else columns.edge_order
-        return kernels.rows_of(known, np.asarray(ids, np.int64), order)
-
     def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
         """Return the sensor reports of the current state, and the knowledge of each side.
 
@@ -155,33 +142,27 @@ class KnowledgeTracker:
         """
         names = state.agents.names_by_number()
         self._on_edges = find_places(self._ctx)
-        nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
+        nodes = find_node_rows(self._ctx.graph, state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with reporting_damage("What was sensed is not right", with_type=True):
             found = list(chain.from_iterable(looks_of(data, fields=self._fields) for data in looked))
-            looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
-        return SensedTurn(looks, self._sides(looks, state))
+            looks = [self._describe(names[number], look, names, at) for number, look in found if number in names]
+        return SensedTurn([look for look, _ in looks], self._sides([part for _, part in looks], state))
 
-    def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> SensorLook:
+    def _describe(
+        self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]
+    ) -> tuple[SensorLook, SideLook]:
+        """Return the report of a sensor of an agent, and the part of it that counts for its side."""
         agent: Any = self._ctx.agent.agents.get(name)
         sensor: Any = None if agent is None else agent.sensors.get(look.sensor)
-        has_errors = bool(getattr(sensor, "has_errors", False))
-        nodes, edges, agents, other = parts_of(as_reported(look, self._nearest, names) if has_errors else look)
-        rows = self.rows("nodes", nodes)
-        edge_rows = self.rows("edges", edges)
-        at = self.rows("nodes", [node for _, node in agents]).tolist()
-        pairs = [(names[number], row) for (number, _), row in zip(agents, at, strict=True) if number in names]
-        is_rough = has_errors and look.other is not None  # positions in space, which are not those of the agents
-        seen = [(other, -1 if now[other] == row and not is_rough else row) for other, row in pairs]
+        seen = find_seen(Report(look, names), sensor, now, self._ctx.graph)
         has_end = isfinite(getattr(sensor, "range", inf))
         pose = find_pose(sensor, agent) if has_end else (None, None)
         shape = self._shape(agent, sensor, pose) if has_end else None
         field = self._field(look, agent, sensor, pose) if has_end else _NONE
-        words = None if other is None else words_of(other)
-        found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
-        reports_all = bool(getattr(sensor, "reports_all", False))
-        kind = as_text(look.kind)
-        return SensorLook(name, as_text(look.sensor), kind, shape, field, *found, words, reports_all, has_errors)
+        words = None if seen.other is None else words_of(seen.other)
+        described = SensorLook(name, as_text(look.sensor), as_text(look.kind), shape, seen, words)
+        return described, as_side_look(name, sensor, seen, field)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 
@@ -190,8 +171,7 @@ class KnowledgeTracker:
         place, look = pose
         key = sensor.sensor_id, look
         if key not in self._shapes:
-            view = self._ctx.visual.drawing.carriers.sight(sensor, agent).view
-            self._shapes[key] = None if view is None else self._outline(view, sensor, place)
+            self._shapes[key] = self._outline(sensor.view_of({}, agent.current_node_id, agent.name), sensor, place)
         return self._shapes[key]
 
     def _outline(self, view: SensorView, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
@@ -221,7 +201,7 @@ class KnowledgeTracker:
 
     # -- sides --------------------------------------------------------------------------------------------------
 
-    def _sides(self, looks: Sequence[SensorLook], state: DetachedState) -> dict[str, SideKnowledge]:
+    def _sides(self, looks: Sequence[SideLook], state: DetachedState) -> dict[str, SideKnowledge]:
         """Return side -> its knowledge; empty if there are more than `MOST_SIDES` sides."""
         columns = state.agents.columns
         all_sides = sides_in(columns)
@@ -231,17 +211,11 @@ class KnowledgeTracker:
         places = AgentPlaces(
             columns["names"],
             all_sides,
-            self.rows("nodes", columns["node"]),
+            find_node_rows(self._ctx.graph, columns["node"]),
             np.asarray(columns["alive"]) != 0,
             (np.asarray(columns["kind"]) == 0) & (np.asarray(columns["edge_share"]) == 0),
         )
-        return find_known(sides, map(_as_side_look, looks), places, len(self._ctx.graph.columns().node_ids))
-
-
-def _as_side_look(look: SensorLook) -> SideLook:
-    """Return the part of a report that tells a side what it sees."""
-    found = [name for name, row in look.agents if row < 0 or not look.has_errors]
-    return SideLook(look.agent, look.nodes, look.field, look.reports_all, found)
+        return find_known(sides, looks, places, len(self._ctx.graph.columns().node_ids))
 
 
 def sides_in(columns: Mapping[str, Any]) -> list[str]:

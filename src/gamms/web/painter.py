@@ -18,6 +18,7 @@ from gamms.ir.events import Log, events_of
 from gamms.ir.game_state import as_named_edges
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.packing import to_bytes
+from gamms.knowledge.fields import find_edge_rows, find_node_rows
 from gamms.plain import Plain, is_same
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.replaying import Replayer
@@ -233,9 +234,9 @@ class Painter:
         columns = self._state.agents.columns
         flies = columns["kind"] != 0
         status = THERE + ALIVE * (columns["alive"] != 0) + FLIES * flies
-        nodes = self._sights.rows("nodes", columns["node"])
+        nodes = find_node_rows(self._ctx.graph, columns["node"])
         on_edge = np.flatnonzero((columns["edge_share"] > 0.0) & ~flies)
-        ends = [self._sights.rows("nodes", columns[name][on_edge]) for name in ("edge_source", "edge_target")]
+        ends = [find_node_rows(self._ctx.graph, columns[name][on_edge]) for name in ("edge_source", "edge_target")]
         on_edges = OnEdges(on_edge, np.column_stack(ends), columns["edge_share"][on_edge])
         in_air = np.flatnonzero(flies & np.isfinite(columns["position"]).all(axis=1))
         headings = _headings(columns["quat"][in_air])
@@ -255,7 +256,7 @@ class Painter:
             if kind == kinds.GAME_NAMED_EDGES:
                 named = as_named_edges(data["named_edges"])
         there = {name: edge for name, (_, edge) in named.items() if name in agents.columns["names"]}
-        edges = self._sights.rows("edges", [*there.values()]).tolist()
+        edges = find_edge_rows(self._ctx.graph, [*there.values()]).tolist()
         return dict(zip(map(agents.row, there), edges, strict=True))
 
     def _ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
@@ -276,7 +277,7 @@ class Painter:
         long = {number: way or [] for number, way in passed.items() if not way or len(way) > 1}
         row_of = {number: row for row, number in enumerate(agents.columns["numbers"].tolist())} if long else {}
         found = {row_of[number]: way for number, way in long.items() if number in row_of}
-        return {row: self._sights.rows("nodes", way).tolist() for row, way in found.items()}
+        return {row: find_node_rows(self._ctx.graph, way).tolist() for row, way in found.items()}
 
     # -- slots --------------------------------------------------------------------------------------------------
 
