@@ -1,18 +1,21 @@
-"""Sights and messages of the agents of a side in a turn.
+"""Sights, witnessed events and messages of the agents of a side in a turn.
 
 A side is a team, or an agent without a team.
 """
 
-from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.ir.events import DECISIONS, EVENTS, Role
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.knowledge.fields import find_edge_rows, find_node_rows
-from gamms.knowledge.looks import Report, as_reported, nearest_on, parts_of
+from gamms.knowledge.looks import Nearest, Report, Sighting, as_reported, nearest_on, parts_of, sightings
 from gamms.text import as_text
 from gamms.typing import IGraphEngine, ISensor
 
@@ -154,6 +157,67 @@ def find_known(
     return known
 
 
+def find_sighted(reports: Iterable[Report], others: Container[str], nearest: Nearest) -> dict[str, Sighting]:
+    """Return which other agents sensors report, false alarms included, each with its position in the last report.
+
+    Args:
+        reports: the reports of the sensors of a side.
+        others: the names of the agents of other sides.
+        nearest: function from a place (x, y) to the nearest node.
+    """
+    found = {}
+    for look, names in reports:
+        for agent, sighting in sightings(look, nearest):
+            name = names.get(agent) if isinstance(agent, int) else agent
+            if name is not None and name in others:
+                found[name] = sighting
+    return found
+
+
+# -- witnessed ------------------------------------------------------------------------------------------------------
+
+
+def is_witnessed(
+    kind: int,
+    data: Mapping[str, Any],
+    names: Container[str],
+    is_own: Callable[[str], bool],
+    is_in_view: Callable[[str], bool],
+) -> bool:
+    """Return whether a side knows of an event: it names no agents, or one that is in view.
+
+    The decisions of an agent are known to its side only.
+
+    Args:
+        kind: the kind of the event.
+        data: its data.
+        names: the names of all agents.
+        is_own: whether an agent is of the side.
+        is_in_view: whether an agent is of the side, or seen by it.
+    """
+    if data.get("kind") in DECISIONS and "agent" in data:
+        return is_own(data["agent"])
+    actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
+    named = actors or [text for text in _texts_in(data) if text in names]
+    return not named or any(map(is_in_view, named))
+
+
+def select_own(entries: Iterable[Mapping[str, Any]], names: Container[str]) -> Iterator[dict[str, Any]]:
+    """Yield copies of the entries of a log of deeds or errors that are about agents of a side."""
+    return (dict(entry) for entry in entries if entry.get("agent") in names)
+
+
+def _texts_in(value: object) -> Iterator[str]:
+    """Yield all texts in a plain value, including lists and dicts."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        yield from _texts_in([*value.keys(), *value.values()])
+    elif isinstance(value, (list, tuple, set, frozenset)):
+        for one in value:
+            yield from _texts_in(one)
+
+
 # -- heard ----------------------------------------------------------------------------------------------------------
 
 
@@ -174,3 +238,22 @@ def select_heard(entries: Iterable[Mapping[str, Any]], names: Container[str], tu
 def find_receivers(entry: Mapping[str, Any], names: Container[str], turn: float) -> dict[str, dict[str, int]]:
     """Return which of the agents have heard or overheard a message until a turn, each with its turn of arrival."""
     return {key: {name: at for name, at in entry[key].items() if name in names and at <= turn} for key in ARRIVALS}
+
+
+def split_heard(entry: Mapping[str, Any], names: Container[str]) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the turns in which agents learn of a message, each with what they know of it then.
+
+    Senders know their message at once; others when it arrives. The turns are numbers of turns after it was sent.
+
+    Args:
+        entry: an entry of the log of messages; see `ir.messages`.
+        names: the names of the agents.
+    """
+    known = {**entry, "lost": [], "jammed": []}
+    heard = find_receivers(entry, names, inf)
+    if entry["sender"] in names:
+        yield 0, known | heard
+        return
+    for turn in sorted(set(chain.from_iterable(each.values() for each in heard.values()))):
+        now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
+        yield max(turn - entry["turn"], 0), known | now

@@ -14,14 +14,14 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import DECISIONS, EVENTS, MOVES, Log, Role, events_of, renumbered
+from gamms.ir.events import EVENTS, MOVES, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.schema import Audience
 from gamms.knowledge import looks as sensed
 from gamms.knowledge.fields import FieldTable
-from gamms.knowledge.looks import Look, Nearest, Sighting
-from gamms.knowledge.sides import find_receivers, name_side, select_heard
+from gamms.knowledge.looks import Look, Nearest, Report, Sighting
+from gamms.knowledge.sides import find_sighted, is_witnessed, name_side, select_heard, select_own, split_heard
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.detached import DetachedState
@@ -127,10 +127,15 @@ class KnowledgeFilter:
     def _look(self, data: Mapping[str, Any]) -> Iterator[Log]:
         """Record the sensor data of the own agents; yields the previous turn, with the agents seen after it."""
         looks = self._own_looks(data)
-        self._sighted = (self._sighted or {}) | self._sightings(looks)
+        others = set(self._names.values()).difference(self._own)
+        reports = [Report(look, self._names) for look in chain.from_iterable(each for _, each in looks)]
+        self._sighted = (self._sighted or {}) | find_sighted(reports, others, self._nearest)
         self._in_view = self._sighted.keys()
         shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
-        report = kinds.SENSED, sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of)
+        report = (
+            kinds.SENSED,
+            sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of),
+        )
         if looks and not self.is_shown:
             yield from self._give(shown, [report])
         else:  # agents of a later part of the turn
@@ -230,7 +235,7 @@ class KnowledgeFilter:
             if "jammers" in channel:
                 channel["jammers"] = [one for one in channel["jammers"] if one.get("agent", "") in {"", *self._own}]
         if "deeds" in of:
-            history["deeds"] = [deed for deed in of["deeds"] if deed["agent"] in self._own]
+            history["deeds"] = list(select_own(of["deeds"], self._own))
         if "messages" in of:
             history["messages"] = list(select_heard(of["messages"], self._own, self._all.game.turn))
         if "starts" in of:
@@ -333,23 +338,15 @@ class KnowledgeFilter:
         return items
 
     def _is_witnessed(self, kind: int, data: Mapping[str, Any]) -> bool:
-        """Return whether an event names no agents, or at least one visible agent."""
-        if data.get("kind") in DECISIONS and "agent" in data:
-            return data["agent"] in self._own
-        actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
-        named = actors or [text for text in _texts_in(data) if text in self._ids]
-        return not named or any(map(self._is_in_view, named))
+        return is_witnessed(kind, data, self._ids, self._own.__contains__, self._is_in_view)
 
     def _heard_later(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield a message of the own agents now, and messages of others in the turns in which they arrive."""
-        own = {**data, "lost": [], "jammed": []}
-        if data["sender"] in self._own:
-            yield kind, own | find_receivers(data, self._own, np.inf)
-            return
-        heard = find_receivers(data, self._own, np.inf)
-        for turn in sorted(set(chain.from_iterable(each.values() for each in heard.values()))):
-            now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
-            self._later.setdefault(self._turn + max(turn - data["turn"], 0), []).append((kind, own | now))
+        for later, known in split_heard(data, self._own):
+            if data["sender"] in self._own:
+                yield kind, known
+            else:
+                self._later.setdefault(self._turn + later, []).append((kind, known))
 
     def _after(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield consequences of an event: state changes, agents that joined or left the team, new sensors."""
@@ -412,17 +409,6 @@ class KnowledgeFilter:
             if number in looks:
                 looks[number].append(sensed.as_reported(look, self._nearest, self._names))
         return [(self._id_of(number), each) for number, each in looks.items()]
-
-    def _sightings(self, observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Sighting]:
-        """Return the sightings of existing agents of other teams."""
-        found = {}
-        there = set(self._names.values())
-        for look in chain.from_iterable(looks for _, looks in observers):
-            for agent, sighting in sensed.sightings(look, self._nearest):
-                name = self._names.get(agent) if isinstance(agent, int) else agent
-                if name in there and name not in self._own:
-                    found[name] = sighting
-        return found
 
     def _show(self, seen: Mapping[str, Sighting]) -> Iterator[_Event]:
         """Yield events that create, delete and move other agents, so that exactly the seen ones exist."""
@@ -518,17 +504,6 @@ def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None
         "kwargs": {**given, "type": 1},
         "state": {"position": position, "node": given["start_node_id"]},
     }
-
-
-def _texts_in(value: Plain) -> Iterator[str]:
-    """Yield all texts in a plain value, including lists and dicts."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        yield from _texts_in([*value.keys(), *value.values()])
-    elif isinstance(value, (list, tuple, set, frozenset)):
-        for one in value:
-            yield from _texts_in(one)
 
 
 def sides_of(

@@ -4,8 +4,9 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gamms.ir.events import DECISIONS
+from gamms.ir.events import DECISIONS, GAME_EVENT
 from gamms.ir.game_state import ALL_PLAYED, reason_in_words
+from gamms.knowledge.sides import is_witnessed
 from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, color_group
@@ -180,7 +181,8 @@ class Captions:
         if game is not None and game.over is not None:
             color = colors.get(str(game.over.get("winner")))
             new.append(CaptionLine(": ".join(ending(game.over)), color, self.turns))
-        for words, name in captions_of(one for one in self._drawing.events.of_turn() if _is_open(one, hidden)):
+        events = (one for one in self._drawing.events.of_turn() if self._is_open(one, hidden))
+        for words, name in captions_of(events):
             color = colors.get(str(color_group(agents[name])) if name in agents else str(name))
             new.append(CaptionLine(words, color, self.turns))
         if len(new) > MOST_LINES:
@@ -191,10 +193,17 @@ class Captions:
         turn = (0 if game is None else game.turn) or self._drawing.turns.count
         return CaptionBar(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
 
+    def _is_open(self, event: Mapping[str, Any], hidden: Collection[str]) -> bool:
+        """Return whether those who do not see hidden agents know of an event; where none is hidden, all are known."""
+        agents = self._ctx.agent.agents
 
-def _is_open(event: Mapping[str, Any], hidden: Collection[str]) -> bool:
-    """Return whether an event names an agent that is not hidden; where none is hidden, all do."""
-    return not hidden or any(key in event and as_text(event[key]) not in hidden for key in ("agent", "other"))
+        def is_in_view(name: str) -> bool:
+            return name in agents and name not in hidden
+
+        def is_own(_: str) -> bool:
+            return False  # decisions have no captions
+
+        return not hidden or is_witnessed(GAME_EVENT, event, {*agents, *hidden}, is_own, is_in_view)
 
 
 def draw_caption_bar(

@@ -2,12 +2,14 @@
 
 from collections.abc import Collection, Iterator
 from itertools import islice, takewhile
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray
 from gamms.ir.messages import ARRIVALS
+from gamms.knowledge.sides import find_receivers
 from gamms.typing import IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import Rgba, color_group
@@ -79,11 +81,12 @@ def _ring(ctx: IContext, data: dict[str, Any], name: str, color: Rgba, grown: fl
 
 
 def _unheard(ctx: IContext, of: Collection[str] | None) -> Iterator[str]:
-    """Yield the senders of messages of this turn that no agent will hear or overhear, each once."""
+    """Yield the senders of messages of this turn that no agent, or none of these, will hear or overhear, each once."""
     game = ctx.current_game
     turn = 0 if game is None else game.turn
     sent = takewhile(lambda entry: entry["turn"] >= turn, reversed(() if game is None else game.messages))
-    lost = (entry["sender"] for entry in sent if not any(entry[key] for key in ARRIVALS))
+    known = ((entry["sender"], entry if of is None else find_receivers(entry, of, inf)) for entry in sent)
+    lost = (sender for sender, heard in known if not any(heard[key] for key in ARRIVALS))
     yield from dict.fromkeys(sender for sender in lost if of is None or sender in of)
 
 
@@ -94,12 +97,10 @@ def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, 
     for entry in reversed(() if game is None else game.messages):
         if entry["turn"] < turn - _OLDEST:
             return
+        heard = entry if of is None else find_receivers(entry, of, turn + 1)
         for key in ARRIVALS:
-            is_overheard = key == "overheard"
-            is_own = of is None or entry["sender"] in of
-            for name, arrival in entry[key].items():
-                if arrival == turn + 1 and (of is None or name in of or (is_own and not is_overheard)):
-                    yield entry["sender"], name, is_overheard
+            arriving = (name for name, arrival in heard[key].items() if arrival == turn + 1)
+            yield from ((entry["sender"], name, key == "overheard") for name in arriving)
 
 
 def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
