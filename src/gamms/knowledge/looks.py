@@ -110,7 +110,7 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
             if form in WITH_OTHER:
                 others.append(other)
     return {
-        "agents": np.array(agents, np.int64),
+        "agents": _narrow(np.array(agents, np.int64)),
         "counts": _narrow(np.array(counts, np.int64)),
         "sensors": list(sensors),
         "which": _narrow(np.array(which, np.int64)),
@@ -119,7 +119,10 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]], fields: FieldTable, 
         "ids": _narrow(np.array(ids, np.int64)),
         "others": others,
         **(
-            {"seen": np.array(list(seen), np.int64), "seen_at": _narrow(np.array(list(seen.values()), np.int64))}
+            {
+                "seen": _narrow(np.array(list(seen), np.int64)),
+                "seen_at": _narrow(np.array(list(seen.values()), np.int64)),
+            }
             if seen
             else {}
         ),
@@ -186,12 +189,15 @@ def looks_of(
     return found
 
 
-def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict[str, Any]:
-    """Return encoded looks with other numbers for the seen agents.
+def renumbered(
+    data: Mapping[str, Any], number_of: Callable[[int], int], observer_of: Callable[[int], int] | None = None
+) -> dict[str, Any]:
+    """Return encoded looks with other numbers of agents.
 
     Args:
         data: result of `columns_of`.
-        number_of: number -> new number of the same agent.
+        number_of: number of a seen agent -> new number of the same agent.
+        observer_of: the same for the agents that looked; None: `number_of`.
 
     Raises:
         KeyError, ValueError, TypeError, IndexError: not a result of `columns_of`.
@@ -201,10 +207,15 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
     for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():
         part = slice(ends[2 * row - 1] if row else 0, ends[2 * row])
         ids[part] = [number_of(number) for number in ids[part].tolist()]
-    found = {**data, "ids": ids if data["ids"].dtype == np.int64 else _narrow(ids)}
+    found = {"agents": _map_numbers(data["agents"], observer_of or number_of), "ids": ids}
     if "seen" in data:
-        found["seen"] = np.array([number_of(number) for number in data["seen"].tolist()], np.int64)
-    return found
+        found["seen"] = _map_numbers(data["seen"], number_of)
+    wide = {key for key in found if data[key].dtype == np.int64}  # in older recordings
+    return {**data, **{key: column if key in wide else _narrow(column) for key, column in found.items()}}
+
+
+def _map_numbers(column: "np.ndarray[Any, Any]", number_of: Callable[[int], int]) -> "np.ndarray[Any, Any]":
+    return np.array([number_of(number) for number in _ints(column).tolist()], np.int64)
 
 
 def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:

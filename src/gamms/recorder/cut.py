@@ -134,7 +134,7 @@ class KnowledgeFilter:
         shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
         report = (
             kinds.SENSED,
-            sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of),
+            sensed.renumbered(sensed.columns_of(looks, self._own_fields, self._turn), self._id_of, int),
         )
         if looks and not self.is_shown:
             yield from self._give(shown, [report])
@@ -477,7 +477,7 @@ class KnowledgeFilter:
             if known:
                 yield kind, known
         elif kind == kinds.SENSED:
-            yield kind, sensed.renumbered(renumbered(kind, data, number_of), number_of)
+            yield kind, sensed.renumbered(data, number_of)
         elif "agent_name" not in EVENTS[kind].fields or self._ids[data["agent_name"]] in self._numbers:
             yield kind, renumbered(kind, data, number_of)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from copy import deepcopy
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -358,9 +359,8 @@ class LiveAgents(AgentsState):
         def number_of(number: int) -> int:
             return journal.ids[self.row_of(number)]
 
-        if kind == kinds.SENSED:
-            data = sensed.renumbered(data, number_of)
-        journal.append(kind, kinds.renumbered(kind, data, number_of))
+        renumber = sensed.renumbered if kind == kinds.SENSED else partial(kinds.renumbered, kind)
+        journal.append(kind, renumber(data, number_of))
 
 
 # -- format version 2 -----------------------------------------------------------------------------------------------
