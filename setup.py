@@ -30,6 +30,7 @@ FLAGS = {
     "checked": ["-O1", "-g0"],
     "sanitized": ["-O1", "-g", "-fno-omit-frame-pointer", *SANITIZERS],
 }
+SHARED = "gamms.core._shared"
 HAS_STABLE_ABI = sys.implementation.name == "cpython" and not sysconfig.get_config_var("Py_GIL_DISABLED")
 PROFILE = os.environ.get("GAMMS_CORE_BUILD", "release") if HAS_STABLE_ABI else "python"
 IS_WINDOWS = os.name == "nt"
@@ -110,7 +111,7 @@ class BuildCore(build_ext):
 
     def _compile_changed(self) -> None:
         """Compile the modules whose keys differ from those of the last build."""
-        self._write_generated()
+        self._write_stamp()
         keys = self._keys()
         changed = [one for one in self.extensions if not self._is_kept(one, keys[one.name])]
         if not changed:
@@ -148,27 +149,30 @@ class BuildCore(build_ext):
         for one in self.extensions:
             [source] = one.sources
             total = sha256(f"{tools} {one.extra_compile_args} {one.extra_link_args} {one.define_macros}".encode())
-            for file in [Path(source), *cimported(one.name.rpartition(".")[2])]:
+            own = [] if one.name == SHARED else [Path(source)]  # the version of Cython says what all modules share
+            for file in [*own, *cimported(one.name.rpartition(".")[2])]:
                 total.update(file.name.encode() + file.read_bytes())
             keys[one.name] = total.hexdigest()
         return keys
 
-    def _write_generated(self) -> None:
-        """Write the stamp, and the code of Cython that all modules share."""
+    def _write_stamp(self) -> None:
+        """Write the stamp."""
         C.mkdir(parents=True, exist_ok=True)
         text = runpy.run_path(str(CORE / "form.py"))["digest"](CORE)
         (C / "_stamp.py").write_text(f'TEXT = "{text}"\nPROFILE = "{PROFILE}"\n', encoding="utf-8")
-        subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={C / '_shared.c'}"], check=True)
 
     def _write_c(self) -> None:
         """Let Cython write a C file for each module, and make it the source of its extension."""
         from Cython.Build import cythonize
 
+        if any(one.name == SHARED for one in self.extensions):
+            command = [sys.executable, "-m", "cython", f"--generate-shared={C / '_shared.c'}"]
+            subprocess.run(command, check=True)
         written = cythonize(
             [Extension(one.name, one.sources) for one in self.extensions if not one.sources[0].endswith(".c")],
             build_dir=str(C),
             include_path=["src"],
-            shared_utility_qualified_name="gamms.core._shared",
+            shared_utility_qualified_name=SHARED,
             force=True,
             show_all_warnings=False,
             compiler_directives=DIRECTIVES,

@@ -16,7 +16,7 @@ from gamms.strategies import random_walk, stay
 
 FOLDER = Path(__file__).parent
 LAW = settings(
-    max_examples=8,
+    max_examples=5,
     deadline=None,
     derandomize=True,
     phases=[Phase.generate],

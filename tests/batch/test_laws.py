@@ -130,7 +130,7 @@ def test_a_batch_of_a_game_that_has_begun_goes_on_as_the_game_alone(drawn, turns
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
-@settings(LARGE, max_examples=4)
+@settings(LARGE, max_examples=2)
 @given(drawn=st.one_of(games(), games(), games(in_air=True)), lot=st.integers(0, 2**32))
 def test_a_game_is_the_same_among_a_hundred_others_by_itself_and_in_another_order(drawn, lot):
     drawn = replace(drawn, asked="", called=(), collected=())  # plain functions take their time in many games
@@ -186,7 +186,7 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres",
     )
 
 
-@settings(LAWS, max_examples=12)
+@settings(LAWS, max_examples=8)
 @given(drawn=games_with_plain_parts(), **drawn_for_all)
 def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
     outside = without_recruits(drawn, outside)
@@ -194,7 +194,7 @@ def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alo
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
-@settings(LAWS, max_examples=12)
+@settings(LAWS, max_examples=8)
 @given(drawn=games_with_plain_parts(), turns=st.integers(1, 6), **drawn_for_all)
 def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alone(
     drawn, turns, seeds, again, outside, lot

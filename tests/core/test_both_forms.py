@@ -189,7 +189,7 @@ def outcome(module, function, arguments):
 
 @pytest.mark.compiled
 @pytest.mark.parametrize(("module", "function"), CASES)
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_both_forms_do_the_same(module, function, data):
     compiled = importlib.import_module(f"gamms.core.{module}")

@@ -348,7 +348,7 @@ def whole(game):
     return copy.deepcopy((seen(game), own, ranges, edges, settings, game.facts, game.ctx.note))
 
 
-@settings(max_examples=60, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=30, suppress_health_check=list(HealthCheck), deadline=None)
 @given(turns=st.integers(0, 3), changes=st.lists(st.sampled_from(sorted(WHEREABOUTS)), max_size=4, unique=True))
 def test_a_fork_that_is_read_late_is_the_game_as_it_was(grid, turns, changes):
     with game_of_plain_values(grid) as ctx:
@@ -370,7 +370,7 @@ def test_a_fork_that_is_read_late_is_the_game_as_it_was(grid, turns, changes):
             WHEREABOUTS[change](changed)
 
 
-@settings(max_examples=40, suppress_health_check=list(HealthCheck), deadline=None)
+@settings(max_examples=25, suppress_health_check=list(HealthCheck), deadline=None)
 @given(turns=st.integers(0, 3), changes=st.lists(st.sampled_from(sorted(WHEREABOUTS)), max_size=4, unique=True))
 def test_a_game_shows_nothing_of_changes_by_which_its_fork_is_read_first(grid, turns, changes):
     with game_of_plain_values(grid) as ctx:

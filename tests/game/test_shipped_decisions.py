@@ -230,7 +230,7 @@ GAMES = st.tuples(
 DONE = st.lists(st.tuples(st.integers(0, 3), st.sampled_from(sorted(DEEDS)), st.integers(0, 99)), max_size=8)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(GAMES, DONE)
 def test_a_game_of_shipped_strategies_is_one_in_which_all_are_asked(drawn, done):
     with open_game(drawn, lambda one: one) as ours, open_game(drawn, asked) as theirs:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import product
 from pathlib import Path
 
 import networkx as nx
@@ -409,13 +410,15 @@ def test_a_context_keeps_its_promises_where_junctions_were_merged(mode):
     assert found.is_faithful, str(found)
 
 
-@pytest.mark.parametrize("mode", [None, *gamms.osm.modes()])
-def test_a_real_map_keeps_its_promises_for_every_mode(mode):
+@pytest.mark.parametrize(
+    ("mode", "tolerance"),
+    [*product([None, *gamms.osm.modes()], [None]), *product([None, "drive", "walk"], [0.0, 10.0])],
+)
+def test_a_real_map_keeps_its_promises_for_every_mode(mode, tolerance):
     path = Path(__file__).parents[1] / "osm_online" / "data" / "kluuvi.osm.gz"
-    for tolerance in (None, 0.0, 10.0):
-        found = report(graph_from_file(path, osm_type=mode, tolerance=tolerance), path)
-        assert found.is_faithful, str(found)
-        assert found.length_error == pytest.approx(0.0, abs=1e-9)
+    found = report(graph_from_file(path, osm_type=mode, tolerance=tolerance), path)
+    assert found.is_faithful, str(found)
+    assert found.length_error == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_command_ends_with_1_after_a_no(town, monkeypatch):

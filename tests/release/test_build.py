@@ -51,11 +51,15 @@ def checkout(tmp_path):
 
 @pytest.fixture
 def small_core(checkout):
-    """A checkout whose core is two small modules, which are soon compiled."""
-    for path in (checkout / "src/gamms/core").glob("*.pxd"):
-        if path.stem not in {"__init__", "pursuit", "copies"}:
+    """A checkout whose core is two modules of one function each, which are soon compiled."""
+    core = checkout / "src/gamms/core"
+    for path in core.glob("*.pxd"):
+        if path.stem != "__init__":
             path.unlink()
             path.with_suffix(".py").unlink()
+    for name in ("copies", "pursuit"):
+        (core / f"{name}.py").write_text("def twice(number: int) -> int:\n    return 2 * number\n")
+        (core / f"{name}.pxd").write_text("cpdef long long twice(long long number)\n")
     return checkout
 
 
@@ -168,10 +172,11 @@ def test_ziglang_is_asked_for_where_no_compiler_works_and_it_can_be_had(checkout
         wheel.writestr("ziglang-1.dist-info/RECORD", "")
     tools = {"folder": checkout, "PYTHONPATH": str(checkout / "tools")}
     hooks = "build_backend.get_requires_for_build_wheel(), build_backend.get_requires_for_build_editable()"
-    asked = f"import build_backend; print('asked for', {hooks})"
-    assert "asked for [] []" in run(sys.executable, "-c", asked, **tools, **NO_COMPILER)
+    asked = "import build_backend; print('asked for', {})"
+    wheel = asked.format("build_backend.get_requires_for_build_wheel()")
+    assert "asked for []" in run(sys.executable, "-c", wheel, **tools, **NO_COMPILER)
     found = NO_COMPILER | {"PIP_FIND_LINKS": str(tmp_path)}
-    assert "asked for ['ziglang'] ['ziglang']" in run(sys.executable, "-c", asked, **tools, **found)
+    assert "asked for ['ziglang'] ['ziglang']" in run(sys.executable, "-c", asked.format(hooks), **tools, **found)
 
 
 @needs_compiler

@@ -45,7 +45,7 @@ def shown(game):
     return agents, [dict(event) for event in game.events], dict(game.scores), game.data, game.over, game.errors
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     changes=CHANGES,
     rules=st.lists(st.sampled_from([*RULES]), min_size=1, max_size=4, unique=True),

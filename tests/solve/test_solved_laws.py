@@ -97,7 +97,7 @@ def games_of_teams(draw):
     return scene(graph, teams, rules, turns=draw(st.integers(1, 5)), **(given if draw(st.booleans()) else {}))
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(games_of_teams(), st.sampled_from(["score", "turns"]))
 def test_values_and_strategies_with_agents_sorted_are_those_with_agents_apart(game, reward):
     setup = setup_of(game, TEAMS, {}, turns=None, seed=None, max_states=100_000)
