@@ -434,14 +434,19 @@ def test_a_batch_goes_on_with_the_edges_driven(town, speed):
         for _ in range(4):
             ctx.game.step()
         legal = ctx.game.internals.parts.turns.legal(["cars_0", "cars_1"])
-        with ctx.game.batch(2) as games:
+
+        def check_legal(games):
             for row in games.observe("cars")["legal"]:
                 shown = {f"cars_{place}": tuple(nodes[nodes >= 0].tolist()) for place, nodes in enumerate(row)}
                 assert shown == legal
+
+        with ctx.game.batch(2) as games:
+            check_legal(games)
             before = games.columns()
             games.run()
             nodes = games.columns()["node"]
             games.load(before, turn=4)
+            check_legal(games)
             games.run()
             assert (games.columns()["node"] == nodes).all()
             with pytest.raises(BadValue, match="'driven' has"):

@@ -836,6 +836,7 @@ class GameArrays(BatchColumns):
         found.update(dict[Hashable, Any](self.numbers))
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
+        earlier |= {"previous"} if self.driven.size else set()  # what agents have driven depends on it
         return found | {one.name: getattr(self, one.name) for one in COLUMNS if one.name in earlier}
 
     def refuse_others(self, columns: Columns) -> None:
