@@ -10,7 +10,7 @@ import gamms
 from gamms import belief, planning, rl, solve, strategies
 from gamms.errors import BadType, BadValue, NoPath
 from gamms.game import IllegalAction
-from gamms.rules import Conflicts, tag
+from gamms.rules import Conflicts, discover, tag
 from gamms.scenario import Scenario, ScenarioError
 
 CAR = {"attribute": "drive", "turns": True}
@@ -488,6 +488,10 @@ GOING = {
     "flee": lambda ctx, _: strategies.flee(ctx),
     "guard": lambda ctx, draw: strategies.guard(ctx, draw.randrange(16), 30.0),
     "sweep": lambda ctx, _: strategies.sweep(ctx),
+    "intercept": lambda ctx, _: strategies.intercept(ctx),
+    "assign": lambda ctx, _: strategies.assign(ctx),
+    "meet": lambda ctx, draw: strategies.intercept(ctx, draw.sample(range(16), 2)),
+    "escape": lambda ctx, draw: strategies.safest_exit(ctx, draw.sample(range(16), 2)),
 }
 
 
@@ -565,6 +569,36 @@ def test_a_loop_back_to_its_node_forgets_nothing_and_a_return_to_it_does(corner)
     assert legal(["car"]) == {"car": (1, 0, 2, 3)}
 
 
+def test_an_agent_that_obeys_turns_takes_the_exit_that_its_legal_routes_reach_first(corner):
+    car = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.safest_exit(corner, [3]))
+    places = []
+    for _ in range(4):
+        corner.game.step()
+        places.append(car.current_node_id)
+    assert places == [1, 2, 1, 3]  # on the map 3 is next to 1
+
+
+def test_an_agent_that_obeys_turns_discovers_what_lies_along_the_edges_of_its_mode(corner):
+    corner.agent.create_agent("car", start_node_id=0, mode=CAR, team="a", strategy=strategies.stay)
+    corner.game.add(discover([0, 1, 2, 3], hops=2))
+    corner.game.step()
+    assert sorted(event["node"] for event in corner.game.events) == [0, 1, 2, 3]
+
+
+def test_an_enemy_that_obeys_turns_is_met_on_its_legal_route(corner):
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=100)}
+    met = []
+    for mode in (CAR, "drive"):
+        corner.agent.create_agent("prey", start_node_id=0, mode=mode, team="b", strategy=strategies.stay)
+        corner.agent.create_agent("car", start_node_id=2, team="a", mode=CAR, sensors=eyes)
+        corner.agent.get_agent("car").strategy = strategies.intercept(corner, [3])
+        corner.game.step()
+        met.append(corner.agent.get_agent("car").current_node_id)
+        for name in ("prey", "car"):
+            corner.agent.delete_agent(name)
+    assert met == [2, 1]  # by the signs the enemy turns at 2, on the map it goes from 1 to 3
+
+
 def test_goto_takes_the_shortest_route_that_obeys_turns(corner):
     agent = corner.agent.create_agent("car", start_node_id=0, mode=CAR, strategy=strategies.goto(corner, 3))
     where = []
@@ -608,15 +642,6 @@ def test_the_nearest_enemy_is_chased_in_whatever_order_edges_were_added():
         assert chaser.current_node_id == 1
 
 
-@pytest.mark.parametrize("make", [strategies.intercept, lambda ctx: strategies.safest_exit(ctx, [2])])
-def test_strategies_that_do_not_know_turns_refuse(corner, make):
-    eyes = {"eyes": gamms.sensor.agent_range(range_m=100)}
-    corner.agent.create_agent("car", start_node_id=0, mode=CAR, team="a", strategy=make(corner), sensors=eyes)
-    corner.agent.create_agent("prey", start_node_id=3, team="b", strategy=strategies.stay)
-    with pytest.raises(BadValue, match="does not know turn restrictions"):
-        corner.game.step()
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -624,7 +649,7 @@ def test_strategies_that_do_not_know_turns_refuse(corner, make):
             lambda ctx: (setattr(ctx.game, "speed_unit", "metres"), setattr(ctx.game, "decide", "arrival")),
             "'car' obeys .* decide='turn'",
         ),
-        (lambda ctx: setattr(ctx.game, "legal", "any"), r"'car' has mode=.* leave out mode=.*respawn\(agent, node\)"),
+        (lambda ctx: setattr(ctx.game, "legal", "any"), r"'car' has mode=.* leave out mode=.*\.respawn\(agent, node\)"),
     ],
 )
 def test_games_that_do_not_know_turns_refuse_them(corner, change, message):

@@ -8,7 +8,7 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered, UnknownName
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.travel import find_usable_graph
 from gamms.game.roles import as_teams_and_roles, is_among
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import FloatArray, IntArray
@@ -442,5 +442,5 @@ def _in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: float) -> se
     here = agent.current_node_id
     around: Iterable[int] = ()
     if agent.type is not AgentType.AERIAL:
-        around = nodes_within(graph_of(ctx, getattr(agent, "mode", None)), here, hops)
+        around = nodes_within(find_usable_graph(ctx, getattr(agent, "mode", None)), here, hops)
     return _shown(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)

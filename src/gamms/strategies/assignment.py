@@ -9,13 +9,14 @@ from gamms import kernels
 from gamms.arguments import as_context, as_count, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.routes import RoutesFromNodes
 from gamms.ir.graph import FloatArray
 from gamms.plain import ID, TEXT, at, dict_of, record, tuple_of, whole
 from gamms.strategies.knowledge import (
     as_otherwise,
     enemies_in_sight,
     graph_for,
+    graph_of_mode,
     move_to_agent,
     node_of,
     offer_steps,
@@ -104,7 +105,12 @@ def _distances(ctx: Context, mates: dict[str, int], targets: list[int]) -> Float
     far = np.empty((len(nodes), len(targets)))
     for mode in dict.fromkeys(modes):
         own = [place for place, one in enumerate(modes) if one == mode]
-        far[own] = graph_of(ctx, mode).routes.distances([nodes[place] for place in own], targets)
+        graph = graph_of_mode(ctx, mode)
+        places = [nodes[place] for place in own]
+        if isinstance(graph, RoutesFromNodes):
+            far[own] = graph.distance_matrix(places, np.array(targets, np.int64))
+        else:
+            far[own] = graph.routes.distances(places, targets)
     return far
 
 

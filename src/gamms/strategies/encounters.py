@@ -13,7 +13,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
-from gamms.game.movement.travel import graph_of
+from gamms.game.movement.routes import RoutesFromNodes
 from gamms.game.strategy_specs import CoreStep
 from gamms.ir.agents import are_mates
 from gamms.ir.graph import FloatArray, IntArray
@@ -22,9 +22,11 @@ from gamms.strategies.knowledge import (
     as_otherwise,
     enemies_in_sight,
     graph_for,
+    graph_of_mode,
     known_nodes,
     legal_on_map,
     mates_in_sight,
+    move_on,
     move_to,
     move_to_agent,
     node_of,
@@ -202,11 +204,11 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
             paces,
             lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces)),
         )
-        weight, speed, mode = pace_of(ctx, state.get("name"))
-        graph = graph_of(ctx, mode)
+        weight, speed, _ = pace_of(ctx, state.get("name"))
+        graph = graph_for(ctx, state)
 
         def lead(node: int) -> tuple[float, float, int]:
-            own = {end: in_turns(graph.distance(node, end, weight), speed) for end in ends}
+            own = {end: in_turns(move_on(graph, node).distance(node, end, weight), speed) for end in ends}
             return max((first[end] - far if far < inf else -inf, -far, -node) for end, far in own.items())
 
         if here in ends:
@@ -274,25 +276,25 @@ def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tu
     nodes, of, arrivals = made_last(
         ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
     )
-    me = state.get("name")
     here = state["curr_pos"]
     # The nearest such node is best, so most agents need to search only nearby nodes.
-    near = _turns_to_near(ctx, me, here, nodes)[of]
+    near = _turns_to_near(ctx, state, here, nodes)[of]
     late = np.maximum(0.0, near - arrivals)
     best = np.lexsort((of, near, late))[0]
     if late[best] > 0.0 or kernels.widened(near[best]) >= _NEAR_TURNS:
-        own = turns_from(ctx, me, [here], nodes)[0][of]
+        weight, speed, _ = pace_of(ctx, state.get("name"))
+        own = turns_for(graph_for(ctx, state).distance_matrix([here], nodes, weight), speed)[0][of]
         late = np.maximum(0.0, own - arrivals)
         best = np.lexsort((of, own, late))[0]
     return int(nodes[of[best]]) if late[best] < inf else None
 
 
-def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray) -> FloatArray:
-    """Return `turns_from` for nodes, ascending, but infinite for nodes that are far."""
-    weight, speed, mode = pace_of(ctx, name)
+def _turns_to_near(ctx: Context, state: State, source: int, nodes: IntArray) -> FloatArray:
+    """Return the turns that an agent needs to nodes, ascending, but infinite for nodes that are far."""
+    weight, speed, _ = pace_of(ctx, state.get("name"))
     found = np.full(len(nodes), inf)
     if len(nodes) > 1 and 0.0 < speed < inf:
-        near = graph_of(ctx, mode).distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
+        near = graph_for(ctx, state).distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
         ids = np.fromiter(near, np.int64, len(near))
         far = np.fromiter(near.values(), np.float64, len(near))
         at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
@@ -305,8 +307,12 @@ def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[Int
     """Return ids of nodes, ascending; then for each node on an enemy's path its index there, and the arrival time."""
     options = list[tuple[int, float]]()
     for (weight, speed, mode), at in _places(paces):
-        graph = graph_of(ctx, mode)
+        graph = graph_of_mode(ctx, mode)
         far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
+        if isinstance(graph, RoutesFromNodes):
+            passed = graph.list_lengths(at, goal, weight) or [(at, 0.0)]
+            options += [(node, in_turns(gone, speed)) for node, gone in passed]
+            continue
         for node in graph.shortest_path(at, goal, weight) if far < inf else [at]:
             rest = in_turns(graph.distance(node, goal, weight), speed)
             options.append((node, far - rest if far < inf else 0.0))
@@ -316,17 +322,23 @@ def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[Int
 
 def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     """Return the legal node nearest to the nearest enemy; ties are broken by the smallest Voronoi cell."""
-    me = state.get("name")
+    weight, speed, _ = pace_of(ctx, state.get("name"))
+    graph = graph_for(ctx, state)
     name = _first_to_reach(ctx, state["curr_pos"], enemies)
-    far = {node: turns_to(ctx, me, node, enemies[name]) for node in sorted(legal_on_map(ctx, state))}
+    far = {
+        node: in_turns(move_on(graph, node).distance(node, enemies[name], weight), speed)
+        for node in sorted(legal_on_map(ctx, state))
+    }
     nearest = [node for node, turns in far.items() if turns == min(far.values())]
     if len(nearest) == 1:
         return nearest[0]
-    own = 1.0 + turns_from(ctx, me, nearest)
-    ids = ctx.graph.columns().node_ids.tolist()
+    nodes = ctx.graph.columns().node_ids
+    each = [move_on(graph, node).distance_matrix([node], nodes, weight)[0] for node in nearest]
+    own = 1.0 + turns_for(np.array(each), speed)
+    ids = nodes.tolist()
     theirs = turns_from(ctx, name, [enemies[name]])[0]
     for (weight, speed, mode), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
-        near = graph_of(ctx, mode).distances([*group.values()], weight=weight)
+        near = graph_of_mode(ctx, mode).distances([*group.values()], weight=weight)
         own = np.minimum(own, turns_for(np.array([near.get(id, inf) for id in ids]), speed))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
@@ -336,7 +348,7 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
     """Return the name of the enemy that needs the fewest turns from a node to its own node; ties go to the first."""
     names = list[str]()
     for (weight, speed, mode), group in by_pace(ctx, enemies).items():
-        graph = graph_of(ctx, mode)
+        graph = graph_of_mode(ctx, mode)
         is_searched = len(group) > _FEW and 0.0 < speed < inf
         nearest = graph.routes.nearest(node, group.values(), weight) if is_searched else None
         if nearest is None:
@@ -350,7 +362,7 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
 
 def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
     """Return how many turns the fastest of some agents needs to reach each node of `ends`."""
-    places = [(graph_of(ctx, pace.mode), pace, at) for pace, at in _places(paces)]
+    places = [(graph_of_mode(ctx, pace.mode), pace, at) for pace, at in _places(paces)]
 
     def turns(end: int) -> list[float]:
         return [in_turns(graph.distance(at, end, pace.weight), pace.speed) for graph, pace, at in places]
@@ -361,7 +373,7 @@ def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, f
 def _in_reach(ctx: Context, paces: Paces) -> set[int]:
     """Return the nodes that at least one of some agents can reach in this turn."""
     near = [
-        graph_of(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
+        graph_of_mode(ctx, mode).distances([*group.values()], weight=weight, cutoff=speed)
         for (weight, speed, mode), group in paces.items()
     ]
     return set[int]().union(*near)

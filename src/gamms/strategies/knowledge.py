@@ -14,7 +14,7 @@ from gamms.arguments import as_function_of, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
-from gamms.game.movement.routes import RoutesWithTurns
+from gamms.game.movement.routes import RoutesFromNodes, RoutesWithTurns
 from gamms.game.movement.travel import find_usable_graph, graph_of
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.ir.agents import are_mates
@@ -113,6 +113,18 @@ def graph_for(ctx: IContext, state: State) -> Any:  # Any: see `graph_of`
     place: Any = state.get("edge")
     graph = find_usable_graph(ctx, mode)
     return RoutesWithTurns(graph, mode, state["curr_pos"], driven, place, is_in_game=known is not None)
+
+
+def graph_of_mode(ctx: IContext, mode: str | None) -> Any:  # Any: see `graph_of`
+    """Return the graph of the edges that other agents of a mode may use; if they obey turns, `RoutesFromNodes`."""
+    if mode is None or not split_mode(mode)[1]:
+        return graph_of(ctx, mode)
+    return RoutesFromNodes(find_usable_graph(ctx, mode), mode)
+
+
+def move_on(graph: object, node: int) -> Any:  # Any: see `graph_of`
+    """Return the graph of an agent, see `graph_for`, after it has moved to a node."""
+    return graph.move_on(node) if isinstance(graph, RoutesWithTurns) else graph
 
 
 def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.context import Context
-from gamms.game.movement.travel import graph_of
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.strategies.knowledge import graph_of_mode
 
 
 class Pace(NamedTuple):
@@ -72,7 +72,7 @@ def turns_for(far: FloatArray, speed: FloatArray | float) -> FloatArray:
 def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
     """Return the number of turns that an agent needs between two nodes; infinite if there is no path."""
     weight, speed, mode = pace_of(ctx, name)
-    return in_turns(graph_of(ctx, mode).distance(source, target, weight), speed)
+    return in_turns(graph_of_mode(ctx, mode).distance(source, target, weight), speed)
 
 
 def turns_from(
@@ -81,4 +81,4 @@ def turns_from(
     """Return the turns that an agent needs to nodes (sources, targets); None: all nodes of `ctx.graph.columns()`."""
     weight, speed, mode = pace_of(ctx, name)
     ends = ctx.graph.columns().node_ids if targets is None else targets
-    return turns_for(graph_of(ctx, mode).distance_matrix(sources, ends, weight), speed)
+    return turns_for(graph_of_mode(ctx, mode).distance_matrix(sources, ends, weight), speed)

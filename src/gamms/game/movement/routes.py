@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
+from copy import copy
 from hashlib import blake2b
 from math import inf
 from threading import RLock
@@ -170,7 +171,86 @@ def _queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
     return buffer(np.argsort(ends, kind="stable")), buffer(sources), buffer(ends)
 
 
-class RoutesWithTurns:
+class RoutesFromNodes:
+    """The routes of agents that obey turn restrictions and begin on nodes, as far as strategies ask for them.
+
+    Args:
+        graph: the graph of the edges that the mode may use.
+        mode: the mode of the agents.
+
+    Attributes:
+        graph: see the argument.
+        neighborhoods: of this graph.
+        routes: this object.
+    """
+
+    def __init__(self, graph: IGraph, mode: str) -> None:
+        self.graph: Any = graph  # its class cannot be imported here
+        self.neighborhoods = graph.neighborhoods
+        self.routes = self
+        self._turns = split_mode(mode)[0]
+
+    def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
+        """Return the ids of the edges on the shortest path; None: there is none."""
+        source, driven = self._find_start(source)
+        try:
+            return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
+        except NoPath:
+            return None
+
+    def _find_start(self, source: int) -> tuple[int, tuple[int, ...]]:
+        """Return the node where a path from a node begins, and the edges driven to it."""
+        return source, ()
+
+    def list_lengths(self, source: int, target: int, weight: str | None = "length") -> list[tuple[int, float]]:
+        """Return the nodes on the shortest path, and the length of the path to each; [] if there is none."""
+        edges = self.find_path(source, target, weight)
+        if edges is None:
+            return []
+        rows = self._rows(edges)
+        columns = self.graph.columns()
+        ends = columns.node_ids[columns.targets[rows]].tolist()
+        gone = np.cumsum(self.graph.routes.weights(weight)[rows]).tolist()
+        return [(self._find_start(source)[0], 0.0), *zip(ends, gone, strict=True)]
+
+    def _rows(self, edges: Sequence[int]) -> IntArray:
+        """Return the rows of edges."""
+        columns = self.graph.columns()
+        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
+
+    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
+        """Return the length of the shortest path; infinite if there is none."""
+        edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
+        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
+
+    def nearest(self, source: int, targets: Iterable[int], weight: str | None = "length") -> int | None:
+        """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
+        far = self.distances(source, weight)
+        return min((target for target in targets if target in far), key=far.__getitem__, default=None)
+
+    def distances(
+        self, source: int | Sequence[int], weight: str | None = "length", cutoff: float | None = None
+    ) -> dict[int, float]:
+        """Return node -> the length of the shortest path to it, from one node or the nearest of several."""
+        start, driven = self._find_start(source) if isinstance(source, int) else (source, ())
+        found: dict[int, float] = self.graph.routes.distances_with_turns(
+            start, None, weight, cutoff, self._turns, driven
+        )
+        return found
+
+    def distance_matrix(self, sources: Sequence[int], targets: IntArray, weight: str | None = "length") -> FloatArray:
+        """Return the lengths of the shortest paths, (sources, targets); infinite if there is none."""
+        ends = targets.tolist()
+        several = [self.distances(source, weight) for source in sources]
+        return np.array([[far.get(end, inf) for end in ends] for far in several]).reshape(len(several), len(ends))
+
+    def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
+        """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
+        far = self.graph.distances(source=[*sources], turns=self._turns)
+        return [far.get(target, inf) for target in targets]
+
+
+class RoutesWithTurns(RoutesFromNodes):
     """The routes of an agent that obeys turn restrictions, as far as strategies ask for them.
 
     From its own node the agent goes on from the edge by which it came, and on an edge from the end of this edge. From
@@ -185,9 +265,6 @@ class RoutesWithTurns:
         is_in_game: whether its action may name an edge.
 
     Attributes:
-        graph: see the argument.
-        neighborhoods: of this graph.
-        routes: this object.
         here: the node from which the agent goes on: its own, or the end of its edge.
         is_on_edge: whether it is on an edge.
     """
@@ -202,23 +279,23 @@ class RoutesWithTurns:
         *,
         is_in_game: bool = True,
     ) -> None:
-        self.graph: Any = graph  # its class cannot be imported here
-        self.neighborhoods = graph.neighborhoods
-        self.routes = self
-        self._turns = split_mode(mode)[0]
+        super().__init__(graph, mode)
         self.here = here if place is None else place[1]
         self._passed = here
         self._is_in_game = is_in_game
         self.is_on_edge = place is not None
         self._driven = driven if place is None else (*driven, place[2])
 
-    def find_path(self, source: int, target: int, weight: str | None = "length") -> list[int] | None:
-        """Return the ids of the edges on the shortest path; None: there is none."""
-        source, driven = self._find_start(source)
-        try:
-            return [*self.graph.routes.shortest_path_edges(source, target, weight, turns=self._turns, driven=driven)]
-        except NoPath:
-            return None
+    def move_on(self, node: int) -> "RoutesWithTurns":
+        """Return the routes of the agent after it has moved to a node by the shortest path."""
+        edges = [] if node == self.here else self.find_path(self.here, node)
+        after = copy(self)
+        after.routes = after
+        if edges:
+            after.here = node
+            after._passed = node
+            after._driven = (*self._driven, *edges)
+        return after
 
     def _find_start(self, source: int) -> tuple[int, tuple[int, ...]]:
         """Return where a path begins, and the edges driven to this node: the agent goes on from the end of its edge."""
@@ -246,37 +323,3 @@ class RoutesWithTurns:
         edges = self.find_path(self.here, target)
         columns = self.graph.columns()
         return None if edges is None else columns.node_ids[columns.targets[self._rows(edges)]].tolist()
-
-    def _rows(self, edges: Sequence[int]) -> IntArray:
-        """Return the rows of edges."""
-        columns = self.graph.columns()
-        return kernels.rows_of(columns.edge_ids, np.array(edges, np.int64), columns.edge_order)
-
-    def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """Return the length of the shortest path; infinite if there is none."""
-        edges = [] if self._find_start(source)[0] == target else self.find_path(source, target, weight)
-        return inf if edges is None else float(self.graph.routes.weights(weight)[self._rows(edges)].sum())
-
-    def nearest(self, source: int, targets: Iterable[int]) -> int | None:
-        """Return the nearest of several nodes, the first of equally near ones; None: no path leads to any."""
-        far = self.distances(source)
-        return min((target for target in targets if target in far), key=far.__getitem__, default=None)
-
-    def distances(self, source: int, weight: str | None = "length") -> dict[int, float]:
-        """Return node -> the length of the shortest path to it, for the nodes that the agent can reach."""
-        source, driven = self._find_start(source)
-        found: dict[int, float] = self.graph.routes.distances_with_turns(
-            source, None, weight, None, self._turns, driven
-        )
-        return found
-
-    def distance_matrix(self, sources: Sequence[int], targets: IntArray, weight: str | None = "length") -> FloatArray:
-        """Return the lengths of the shortest paths, (sources, targets); infinite if there is none."""
-        ends = targets.tolist()
-        several = [self.distances(source, weight) for source in sources]
-        return np.array([[far.get(end, inf) for end in ends] for far in several]).reshape(len(several), len(ends))
-
-    def distances_from_nearest(self, sources: Iterable[int], targets: Iterable[int]) -> list[float]:
-        """Return the distance to each target from the nearest of some other agents, which begin on their nodes."""
-        far = self.graph.distances(source=[*sources], turns=self._turns)
-        return [far.get(target, inf) for target in targets]

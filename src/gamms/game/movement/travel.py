@@ -1319,8 +1319,8 @@ def graph_of(ctx: IContext | HostContext, mode: str | None) -> Any:  # Any: its 
     """
     if mode is not None and split_mode(mode)[1]:
         raise BadValue(
-            f"This does not know turn restrictions, and agents with mode= {mode!r} obey them. Shipped strategies that "
-            "go to nodes do: goto, follow_path, patrol, random_waypoints, chase, flee, guard and sweep."
+            f"This does not know turn restrictions, and agents with mode={mode!r} obey them. Shipped strategies know "
+            "them, such as gamms.strategies.goto, which goes to a node."
         )
     return find_usable_graph(ctx, mode)
 
