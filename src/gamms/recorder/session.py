@@ -191,13 +191,15 @@ class RecordingSession:
         self._tell_followers(log, is_over=True)
 
     def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
-        """Send all further events to these followers only.
+        """Send all further events to these followers only, with sensor data unless these are left out.
 
         Args:
             followers: receivers of the events.
             header: returns the header of a session.
         """
         self._following = Following(followers, lambda: header(self)) if followers else None
+        if followers:
+            self._note_sensors()
         self._begin_with_followers()
 
     def _begin_with_followers(self) -> None:
@@ -380,7 +382,7 @@ class RecordingSession:
             self._with_sensed = True
         block = self.ctx.agent.block
         block.locate()
-        journal = SessionJournal(block.names, self._skipped, self._accept, self._note_equipment)
+        journal = SessionJournal(block.names, self._skipped, self._accept, self._note_sensors)
         block.journal = journal
         for callbacks, callback in self._callbacks():
             callbacks.append(callback)
@@ -392,8 +394,8 @@ class RecordingSession:
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
         return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
 
-    def _note_equipment(self) -> None:
-        """Record sensor data from now on, unless they are left out, because an agent carries a sensor."""
+    def _note_sensors(self) -> None:
+        """Record sensor data from now on, unless they are left out: an agent carries a sensor, or somebody follows."""
         if self._with_sensed is None:
             self._with_sensed = True
             self.ctx.game.internals.after_observing.append(self._note_sensed)

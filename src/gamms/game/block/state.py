@@ -387,6 +387,7 @@ class GameColumn(NamedTuple):
         begins: what a game begins with: the name of values of `GameArrays.reset`; "": zeros.
         is_loaded: whether `columns` returns the column, and `load` sets it.
         width: the numbers in a value; 0: it is one number.
+        depends_on: the column without which its values mean nothing, and which is loaded with it; "": none.
     """
 
     name: str
@@ -395,6 +396,7 @@ class GameColumn(NamedTuple):
     begins: str = ""
     is_loaded: bool = False
     width: int = 0
+    depends_on: str = ""
 
 
 COLUMNS = (
@@ -419,7 +421,7 @@ COLUMNS = (
     GameColumn("has_flown", np.bool_, "flyer"),
     GameColumn("begun", np.int64, "walker", "on_node", is_loaded=True),
     GameColumn("covered", np.float64, "walker", is_loaded=True),
-    GameColumn("driven", np.int64, "driver", "on_node", is_loaded=True),
+    GameColumn("driven", np.int64, "driver", "on_node", is_loaded=True, depends_on="previous"),
     GameColumn("edge", np.int64, "traveler", "on_node", is_loaded=True),
     GameColumn("share", np.float64, "traveler", is_loaded=True),
     GameColumn("motion", np.int64, "traveler", is_loaded=True),
@@ -836,7 +838,7 @@ class GameArrays(BatchColumns):
         found.update(dict[Hashable, Any](self.numbers))
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         earlier = {name for those in self.kept.values() for name in those}  # of columns, with which rules compare them
-        earlier |= {"previous"} if self.driven.size else set()  # what agents have driven depends on it
+        earlier |= {one.depends_on for one in COLUMNS if getattr(self, one.name).size}
         return found | {one.name: getattr(self, one.name) for one in COLUMNS if one.name in earlier}
 
     def refuse_others(self, columns: Columns) -> None:
