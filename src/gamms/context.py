@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable, Mapping
+from enum import Enum
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -132,15 +133,15 @@ class Context(Surface, Guarded, NotPickled, typing.IContext):
 
     @property
     def visual_engine(self) -> Any:
-        """The visual engine, settable; a `NoEngine` is created on first access if none was chosen."""
+        """The visual engine, settable, also by a member of `visual.Engine`; a `NoEngine` if none was chosen."""
         if self._visual_engine is None and self._shows_nothing:
             with self._phase.suspended(changes_world=False):
                 self._visual_engine = visual.NoEngine(self)
         return self._visual_engine
 
     @visual_engine.setter
-    def visual_engine(self, engine: typing.IVisualizationEngine | None) -> None:
-        self._visual_engine = engine
+    def visual_engine(self, engine: typing.IVisualizationEngine | Enum | None) -> None:
+        self._visual_engine = _visual_engine(self, engine, {}) if isinstance(engine, visual.Engine) else engine
 
     @property
     def record(self) -> "Recorder":
@@ -498,17 +499,6 @@ def create_context(
 
 
 contexts.register("gamms")(create_context)
-
-
-def title_of(vis_engine: object, name: str) -> dict[str, Any] | None:
-    """Return the keywords with which a visual engine shows the name of a scenario; None: it does not."""
-    return {"title": name} if vis_engine is visual.Engine.PYGAME and name else None
-
-
-def show_in_window(ctx: Context, vis_engine: "visual.Engine", title: str) -> None:
-    """Give a fork, which shows nothing, a visual engine with the artists of its rules; see `create_context`."""
-    ctx.visual_engine = _visual_engine(ctx, vis_engine, title_of(vis_engine, title) or {})
-    ctx.game.internals.parts.rules.propose_artists()
 
 
 def _call_each(verbs: list[Callable[[], object]]) -> None:

@@ -208,6 +208,21 @@ def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alon
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
+@settings(LAWS, max_examples=6)
+@given(drawn=st.one_of(games_with_plain_parts(), games()), turns=st.integers(1, 5), number=st.integers(0, 2))
+def test_the_context_of_a_game_is_the_game_and_plays_on_as_its_batch(drawn, turns, number):
+    outside = Outside(drawn, without_recruits(drawn, ["red"]), 3)
+    with drawn.open() as ctx, ctx.game.batch(seeds=[3, 8, 9]) as played:
+        ctx.game.on_illegal = "stay"
+        for _ in range(turns):
+            outside.step(played)
+        shown = played.context(number)
+        assert repr(plain(shown.game.result())) == repr(plain(played.result(number)))
+        outside.step(played)
+        played.run()
+        assert repr(plain(shown.game.result())) == repr(plain(played.result(number)))
+
+
 def without_recruits(drawn, outside):
     """Return the teams that are given actions: none where agents come that are given none, as there are no rows."""
     return [] if any(name == "recruit" for name, _ in drawn.called) else outside

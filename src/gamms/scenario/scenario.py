@@ -11,7 +11,7 @@ from typing import Any
 
 from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
 from gamms.compat import Surface, part_with
-from gamms.context import Context, create_context, show_in_window, title_of
+from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
 from gamms.game.block.columns import as_seeds
@@ -311,7 +311,7 @@ class Scenario(Surface, Immutable):
         ctx = create_context(
             graph_engine,
             Engine.NO_VIS if vis_engine is None else vis_engine,
-            vis_kwargs=title_of(vis_engine, self.spec.name),
+            vis_kwargs={"title": self.spec.name} if vis_engine is Engine.PYGAME and self.spec.name else None,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={
@@ -447,7 +447,7 @@ class Scenario(Surface, Immutable):
             show = open_window = None
             if vis_engine is not None:
                 show = partial(build, vis_engine=vis_engine)
-                open_window = partial(show_in_window, vis_engine=vis_engine, title=self.spec.name)
+                open_window = partial(_open_window, vis_engine=vis_engine)
             edges = builder.edges_before_code()
             return BatchSource(ctx.game, place, build, show, open_window, functions, differs, edges)
         except BaseException:
@@ -467,6 +467,12 @@ class Scenario(Surface, Immutable):
         # Without the map: each worker of a pool loads it once. Idle teams are named by the process that asks.
         named = {"_named_idle": {*self.spec.teams}}
         return from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable), named
+
+
+def _open_window(ctx: Context, vis_engine: Engine) -> None:
+    """Show a fork by a visual engine, with the artists of its rules."""
+    ctx.visual_engine = vis_engine
+    ctx.game.internals.parts.rules.propose_artists()
 
 
 def _make_sources(

@@ -22,7 +22,7 @@ from gamms.game.movement.roads import RoadMap
 from gamms.game.result import Collectors
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import AgentBlock, show_column, show_flights, show_lives, show_progress
-from gamms.ir.game_state import GameState
+from gamms.ir.game_state import FIELDS, GameState
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
@@ -32,6 +32,24 @@ _READ = ("began", "counts", "driven", "errors", "events", "memories", "messages"
 """Fields of the state of a game that are made when they are read; so are `data` and `over`, which may be set."""
 _IN_ROW = ("agent_facts", "delayed_looks", "departed", "team_facts", "team_memories")
 """Fields of the state of a game that are read from its row; see `RowValues`."""
+_OF_TURN = (
+    *(
+        "blocked",
+        "collected",
+        "deed_log",
+        "driven",
+        "drawn",
+        "facts",
+        "has_begun",
+        "last_turn",
+        "marked",
+        "named_edges",
+    ),
+    *("parts_played", "row", "start", "stream_version", "timings", "turn", "under_way", "unlogged"),
+)
+"""Fields of the state of a game that columns or logs hold, or the engine that plays all games."""
+_OTHERS = [name for name in FIELDS if name not in {*_READ, *_IN_ROW, *_OF_TURN, "data", "over"}]
+"""The other fields of the state of a game: each game has its own."""
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -201,7 +219,7 @@ def _play_turn_in_it(state: GameState, _: object) -> None:
 
 for _name in _READ:
     setattr(PointedState, _name, property(partial(_read_field, _name), _play_turn_in_it))
-for _name in _IN_ROW:
+for _name in (*_IN_ROW, *_OTHERS):
     setattr(PointedState, _name, property(partial(_read_row, _name), partial(_write_row, _name)))
 for _name, _write in (
     ("data", lambda state, data: state.start.replace_data(data)),
@@ -213,6 +231,8 @@ for _name, _write in (
 
 class RowValues:
     """What only Python can hold of a game of a batch. It is made when it is read first.
+
+    It has all fields of `GameState` that neither columns nor logs hold.
 
     Args:
         first: the values with which games begin.
@@ -234,6 +254,7 @@ class RowValues:
     __slots__ = (
         *("agent_facts", "attributes", "collectors", "data", "delayed_looks", "departed", "facts"),
         *("looks", "memories", "moved", "population", "rng", "team_facts", "team_memories", "undone"),
+        *_OTHERS,
     )
 
     def __init__(self, first: "GameState | RowValues", undone: Mapping[str, str]) -> None:
@@ -245,6 +266,8 @@ class RowValues:
         self.team_memories: dict[Any, dict[Any, Any]] = copied(first.team_memories)
         self.delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = copied(first.delayed_looks)
         self.departed: dict[str, tuple[Any, int]] = {**first.departed}
+        for name in _OTHERS:
+            setattr(self, name, copied(getattr(first, name)))
         self.attributes: list[dict[str, Any]] | None = None
         self.undone = dict(undone)
         self.collectors: Collectors | None = None
