@@ -57,6 +57,7 @@ class FunctionSensor(Sensor):
         """Clear the sensed data."""
         self._last[0] = None
 
+    @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:  # noqa: ARG002 - it is not drawn
         """Raise NotOffered, without a call of the function."""
         return self.last_view()
